@@ -18,12 +18,6 @@ use tokio::sync::watch;
 use crate::consent::Consent;
 use crate::watch::{Newest, Orders, Seen, Watch};
 
-/// A craft in the air whose assistant is gone, after holding so long, lands: as with a lost cockpit.
-const LOST: Duration = Duration::from_secs(20);
-/// A craft in the air that flies no instruction and that nobody asks about any more lands.
-const SILENT: Duration = Duration::from_secs(60);
-/// After an order to stop the craft holds for so long, and lands.
-const STOPPED: Duration = Duration::from_secs(5);
 /// How often the deck looks at the time.
 const TICK: Duration = Duration::from_millis(100);
 /// Calls per second that are carried out in the long run, and at once.
@@ -31,6 +25,23 @@ const CALLS_PER_S: f64 = 10.0;
 const CALLS_AT_ONCE: f64 = 30.0;
 /// The instruction of a flight that begins without one.
 pub const POINTED: &str = "fly where the assistant points";
+
+/// How long a craft waits.
+#[derive(Clone, Copy, Debug)]
+pub struct Patience {
+    /// A craft in the air whose assistant is gone holds for so long, and lands: as with a lost cockpit.
+    pub lost: Duration,
+    /// A craft in the air that flies no instruction, and that nobody asks about any more, lands after so long.
+    pub silent: Duration,
+    /// After an order to stop the craft holds for so long, and lands.
+    pub stopped: Duration,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { lost: Duration::from_secs(20), silent: Duration::from_secs(60), stopped: Duration::from_secs(5) }
+    }
+}
 
 /// What opens flights: the program, with its settings.
 pub trait Hangar: Send + Sync + 'static {
@@ -113,6 +124,12 @@ pub struct Flight {
     folder: Arc<OnceLock<PathBuf>>,
 }
 
+impl core::fmt::Debug for Flight {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Flight").field("id", &self.id()).field("phase", &self.phase()).finish_non_exhaustive()
+    }
+}
+
 impl Flight {
     /// By which it is named: the name of its folder, once it has one.
     #[must_use]
@@ -177,8 +194,9 @@ enum Lost {
 struct Inner {
     flight: Option<Flight>,
     flights: u64,
-    /// The last call of anybody.
+    /// The last call of anybody, and when the craft last flew by itself.
     called: Instant,
+    idle_since: Instant,
     lost: Option<Lost>,
     /// When the flight was stopped, or its consent ran out: it lands whatever an assistant says.
     stopped: Option<Instant>,
@@ -192,7 +210,8 @@ struct Inner {
 /// The deck.
 pub struct Deck {
     hangar: Arc<dyn Hangar>,
-    consent: Arc<Consent>,
+    consent: Consent,
+    patience: Patience,
     inner: Mutex<Inner>,
 }
 
@@ -204,19 +223,20 @@ impl Deck {
     ///
     /// # Errors
     /// The operating system's error if the thread cannot be started.
-    pub fn new(hangar: Arc<dyn Hangar>, consent: Arc<Consent>) -> std::io::Result<Arc<Self>> {
+    pub fn new(hangar: Arc<dyn Hangar>, patience: Patience) -> std::io::Result<Arc<Self>> {
         let now = Instant::now();
         let inner = Inner {
             flight: None,
             flights: 0,
             called: now,
+            idle_since: now,
             lost: None,
             stopped: None,
             overrides: 0,
             operator_has_it: false,
             calls: (CALLS_AT_ONCE, now),
         };
-        let deck = Arc::new(Self { hangar, consent, inner: Mutex::new(inner) });
+        let deck = Arc::new(Self { consent: Consent::new(hangar.is_real()), hangar, patience, inner: Mutex::new(inner) });
         let watched = Arc::downgrade(&deck);
         Builder::new().name("deck".to_owned()).spawn(move || {
             while let Some(deck) = watched.upgrade() {
@@ -395,6 +415,9 @@ impl Deck {
         let flight = inner.flying()?;
         inner.admits(&flight, "point")?;
         self.consent.go_on(Instant::now())?;
+        if flight.orders.is_pointing() {
+            return Err("a step is under way: wait for the answer of that `point`, or `hold`".to_owned());
+        }
         match flight.phase() {
             Some(Phase::Held | Phase::Hovering) => {}
             Some(Phase::Flying) => {
@@ -466,7 +489,7 @@ impl Deck {
             Some(Phase::Landing) => "stopped: it is landing already, and goes on".to_owned(),
             _ => format!(
                 "stopped: zero velocity now; it holds for {} s, then lands. Nothing but the operator takes it back",
-                STOPPED.as_secs()
+                self.patience.stopped.as_secs()
             ),
         }
     }
@@ -526,7 +549,7 @@ impl Deck {
         }
         let airborne = flight.is_airborne();
         if airborne && let Some(stopped) = inner.stopped {
-            if now.duration_since(stopped) >= STOPPED && !matches!(flight.phase(), Some(Phase::Landing)) {
+            if now.duration_since(stopped) >= self.patience.stopped && !matches!(flight.phase(), Some(Phase::Landing)) {
                 flight.orders.give([OperatorEvent::Land]);
                 // Again, should somebody else have interrupted it.
                 inner.stopped = Some(now);
@@ -534,14 +557,18 @@ impl Deck {
             return;
         }
         if let Some(Lost::Holds(since)) = inner.lost
-            && (now.duration_since(since) >= LOST || !airborne)
+            && (now.duration_since(since) >= self.patience.lost || !airborne)
         {
             flight.orders.give([OperatorEvent::Abandoned]);
             inner.lost = Some(Lost::Lands);
         }
-        let silent = now.duration_since(inner.called) >= SILENT;
-        if airborne && silent && inner.lost.is_none() && !flight.flies_by_itself() {
-            tracing::warn!("no call for {} s: the drone lands", SILENT.as_secs());
+        if flight.flies_by_itself() {
+            // The wait begins when there is something to wait for.
+            inner.idle_since = now;
+        }
+        let silent = now.duration_since(inner.called.max(inner.idle_since)) >= self.patience.silent;
+        if airborne && silent && inner.lost.is_none() {
+            tracing::warn!("no call for {} s: the drone lands", self.patience.silent.as_secs());
             flight.orders.give([OperatorEvent::Abandoned]);
             inner.lost = Some(Lost::Lands);
         }

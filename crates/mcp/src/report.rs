@@ -469,7 +469,7 @@ pub struct Details {
     /// The flight.
     pub flight_id: String,
     /// Its summary, as in `summary.json`.
-    pub summary: serde_json::Value,
+    pub summary: serde_json::Map<String, serde_json::Value>,
     /// Its decisions in words, at most 60, oldest first.
     pub decisions: Vec<String>,
     /// Where it flew: metres east, north and up, ten points at most.
@@ -497,7 +497,10 @@ impl Details {
         let told = |decision: &spf_pilot::Decision| format!("{}: {}", decision.number, words::decision(decision));
         Ok(Self {
             flight_id: id.to_owned(),
-            summary: serde_json::to_value(&flight.summary).map_err(|error| error.to_string())?,
+            summary: match serde_json::to_value(&flight.summary).map_err(|error| error.to_string())? {
+                serde_json::Value::Object(summary) => summary,
+                _ => serde_json::Map::new(),
+            },
             decisions: decisions.iter().take(DECISIONS).map(told).collect(),
             path_m: points.map(|at| at.pose.position).map(|at| [rounded(at.east), rounded(at.north), rounded(at.up)]).collect(),
             files: FILES

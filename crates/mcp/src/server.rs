@@ -2,6 +2,7 @@
 
 mod http;
 mod resources;
+mod schema;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use rmcp::handler::server::tool::schema_for_output;
 use rmcp::handler::server::wrapper::Parameters;
 use rmcp::model::{
     CallToolResult, ContentBlock, ListResourcesResult, PaginatedRequestParams, ProgressNotificationParam, PromptMessage,
@@ -134,7 +134,8 @@ type Answer = Result<CallToolResult, ErrorData>;
 
 /// A structure beside the same in words, and perhaps a picture.
 fn answer(structure: &impl Serialize, words: String, picture: Option<&Picture>) -> Answer {
-    let value = serde_json::to_value(structure).map_err(|error| ErrorData::internal_error(error.to_string(), None))?;
+    let mut value = serde_json::to_value(structure).map_err(|error| ErrorData::internal_error(error.to_string(), None))?;
+    schema::without_nulls(&mut value);
     let mut result = CallToolResult::structured(value);
     result.content = vec![ContentBlock::text(words)];
     result.content.extend(picture.map(|picture| ContentBlock::image(STANDARD.encode(&picture.jpeg), "image/jpeg")));
@@ -167,7 +168,8 @@ impl Server {
     /// The camera's newest picture, its age, and what is marked on it. Point in this picture by fractions: u from the left, v from
     /// the top.
     #[tool(
-        output_schema = schema_for_output::<Look>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Look>(),
         annotations(title = "Look", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn look(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -185,7 +187,8 @@ impl Server {
 
     /// What the drone does: state, height, battery, link, consent of the operator, and what happened lately.
     #[tool(
-        output_schema = schema_for_output::<Status>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Status>(),
         annotations(title = "Status", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn status(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -198,7 +201,8 @@ impl Server {
 
     /// The simulator's built-in scenes, and what is in them.
     #[tool(
-        output_schema = schema_for_output::<Scenes>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Scenes>(),
         annotations(title = "List scenes", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn list_scenes(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -217,7 +221,8 @@ impl Server {
 
     /// The recorded flights, newest first.
     #[tool(
-        output_schema = schema_for_output::<Flights>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Flights>(),
         annotations(title = "List flights", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn list_flights(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -237,7 +242,8 @@ impl Server {
 
     /// A recorded flight: summary, decisions, where it flew, and its files as resources, the map among them.
     #[tool(
-        output_schema = schema_for_output::<Details>(),
+        input_schema = schema::input::<GetFlight>(),
+        output_schema = schema::output::<Details>(),
         annotations(title = "Get flight", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn get_flight(&self, Parameters(GetFlight { flight_id }): Parameters<GetFlight>) -> Answer {
@@ -261,7 +267,8 @@ impl Server {
     /// Fly an instruction in plain words with the drone's own vision-language model, from the ground or in the air, and wait for
     /// its end. The drone then stays in the air: go on, or `land`. A real drone needs the operator's consent.
     #[tool(
-        output_schema = schema_for_output::<Progress>(),
+        input_schema = schema::input::<Fly>(),
+        output_schema = schema::output::<Progress>(),
         annotations(title = "Fly", read_only_hint = false, destructive_hint = true, idempotent_hint = false, open_world_hint = true)
     )]
     async fn fly(
@@ -296,7 +303,8 @@ impl Server {
 
     /// Wait until the instruction of a flight has ended, or the drone is on the ground.
     #[tool(
-        output_schema = schema_for_output::<Progress>(),
+        input_schema = schema::input::<WaitFlight>(),
+        output_schema = schema::output::<Progress>(),
         annotations(title = "Wait for a flight", read_only_hint = true, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn wait_flight(
@@ -322,7 +330,8 @@ impl Server {
 
     /// Take off and hold in the air, for you to `look` and `point`. A real drone needs the operator's consent.
     #[tool(
-        output_schema = schema_for_output::<Progress>(),
+        input_schema = schema::input::<TakeOff>(),
+        output_schema = schema::output::<Progress>(),
         annotations(title = "Take off", read_only_hint = false, destructive_hint = true, idempotent_hint = false, open_world_hint = true)
     )]
     async fn take_off(&self, Parameters(TakeOff { scene }): Parameters<TakeOff>, ctx: RequestContext<RoleServer>) -> Answer {
@@ -345,7 +354,8 @@ impl Server {
     /// See, point, fly, with you as the one who points: fly one step towards a pixel of the picture, then hold. The answer has the
     /// next picture. Point at the thing itself; depth 1 to 10 sets how long the step is (1 about a metre, 10 the longest).
     #[tool(
-        output_schema = schema_for_output::<Progress>(),
+        input_schema = schema::input::<Point>(),
+        output_schema = schema::output::<Progress>(),
         annotations(title = "Point", read_only_hint = false, destructive_hint = true, idempotent_hint = false, open_world_hint = true)
     )]
     async fn point(
@@ -382,7 +392,8 @@ impl Server {
 
     /// Stop moving and stay in the air. Works at any time; a landing is interrupted, unless it follows a `stop`.
     #[tool(
-        output_schema = schema_for_output::<Ordered>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Ordered>(),
         annotations(title = "Hold", read_only_hint = false, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn hold(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -392,7 +403,8 @@ impl Server {
 
     /// Land where the drone is.
     #[tool(
-        output_schema = schema_for_output::<Ordered>(),
+        input_schema = schema::input::<Nothing>(),
+        output_schema = schema::output::<Ordered>(),
         annotations(title = "Land", read_only_hint = false, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn land(&self, Parameters(Nothing {}): Parameters<Nothing>) -> Answer {
@@ -403,7 +415,7 @@ impl Server {
     /// Stop now: zero velocity at once, the end of the flight, then a landing. Works in every state and waits for nothing. The motors
     /// are not cut.
     #[tool(
-        output_schema = schema_for_output::<Ordered>(),
+        output_schema = schema::output::<Ordered>(),
         annotations(title = "Stop", read_only_hint = false, destructive_hint = false, idempotent_hint = true, open_world_hint = false)
     )]
     async fn stop(&self) -> Answer {

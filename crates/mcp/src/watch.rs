@@ -165,6 +165,12 @@ impl Orders {
         (given.step, given.limited) = (Step::Given, Vec::new());
     }
 
+    /// Whether what was pointed at is on its way.
+    #[must_use]
+    pub fn is_pointing(&self) -> bool {
+        self.given().step != Step::None
+    }
+
     fn given(&self) -> std::sync::MutexGuard<'_, Given> {
         // Consistent between calls.
         self.given.lock().unwrap_or_else(PoisonError::into_inner)

@@ -9,8 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use spf_mcp::consent::Consent;
-use spf_mcp::deck::Deck;
+use spf_mcp::deck::{Deck, Patience};
 use spf_mcp::server::{Secret, Server, serve_http, serve_stdio, url};
 
 use self::craft::Craft;
@@ -39,8 +38,8 @@ pub(crate) fn mcp(args: &Mcp, printer: &Printer) -> Result<Exit, CliError> {
     let cockpit = cockpit.map(|address| page::open(address, &folder, "", printer)).transpose()?;
     let craft = Arc::new(Craft::new(args.flight(""), &settings, cockpit, folder.clone())?);
     let real = craft.is_real_craft();
-    let consent = Arc::new(Consent::new(real));
-    let deck = Deck::new(craft.clone(), consent).map_err(|error| CliError::internal("cannot start a thread").because(&error))?;
+    let deck = Deck::new(craft.clone(), Patience::default())
+        .map_err(|error| CliError::internal("cannot start a thread").because(&error))?;
     craft.let_arm(&deck);
     let desk = real.then(|| arm::Desk::open(&deck, &craft.in_words())).transpose()?;
     let server = Server::new(deck.clone(), folder, craft.scene());

@@ -35,6 +35,7 @@ pub(super) struct Craft {
     words: String,
     /// Who answers, in a sentence; `None` if only the assistant points.
     answers: Option<String>,
+    /// Anything but the embedded simulator: what is at an address, only the operator knows.
     real: bool,
     scene: String,
     /// How instructions are read in a scene.
@@ -44,10 +45,6 @@ pub(super) struct Craft {
 impl Craft {
     /// Checks the settings, as far as that is possible without the craft.
     pub(super) fn new(flight: Fly, settings: &Settings, cockpit: Option<Cockpit>, folder: PathBuf) -> Result<Self, CliError> {
-        let real = match settings.fly.drone.or_default()? {
-            DroneName::Sim => false,
-            DroneName::Real(_, target) => !target.is_simulated(),
-        };
         let mut settings = settings.clone();
         let is_sim = matches!(settings.fly.drone.or_default()?, DroneName::Sim);
         if !is_sim {
@@ -77,7 +74,7 @@ impl Craft {
             folder,
             words,
             answers,
-            real,
+            real: !is_sim,
             scene: if is_sim { scene } else { String::new() },
             reader: Mutex::default(),
         })
