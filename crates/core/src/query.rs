@@ -55,6 +55,8 @@ pub enum QueryKind {
     },
     /// Whether the instruction is fulfilled.
     Done,
+    /// Whether the instruction must not be flown, asked before take-off.
+    Refuse,
 }
 
 impl QueryKind {

@@ -111,7 +111,8 @@ fn the_craft_obeys_and_nobody_is_left_in_the_air() {
         ("time over", a_consent_whose_time_is_over_ends_its_flight),
     ];
     let threads = scenarios.map(|(name, scenario)| std::thread::Builder::new().name(name.to_owned()).spawn(scenario).unwrap());
-    let failed: Vec<_> = scenarios.iter().zip(threads).filter_map(|((name, _), thread)| thread.join().is_err().then_some(name)).collect();
+    let failed: Vec<_> =
+        scenarios.iter().zip(threads).filter_map(|((name, _), thread)| thread.join().is_err().then_some(name)).collect();
     assert!(failed.is_empty(), "{failed:?}");
 }
 

@@ -28,6 +28,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
         QueryKind::Act { form } => act::act(oracle, query, percept, &aim(oracle, query, percept), *form),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
+        QueryKind::Refuse => kinds::refuse(&query.instruction),
         QueryKind::Detect { coco, scored: false } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
         QueryKind::Detect { coco, scored: true } => {
             kinds::detect_scored(percept.seen_with_chance(&oracle.errors, query.image_size), *coco)

@@ -16,6 +16,7 @@ use super::language::resolve::meant;
 use super::language::score::vocabulary;
 use super::language::{Phrase, Verb, parse};
 use super::percept::Percept;
+use super::refusal;
 use super::sight::PerceivedObject;
 use super::stages::{Aim, clause_of};
 
@@ -38,6 +39,12 @@ pub(super) fn choose(query: &Query, percept: &Percept, aim: &Aim) -> String {
     });
     let points: Vec<u32> = nearest.into_iter().map(|(_, number)| number).collect();
     json!({ "points": points }).to_string()
+}
+
+/// `{"refuse":…,"reason":…}`.
+pub(super) fn refuse(instruction: &str) -> String {
+    let reason = refusal::refused(instruction);
+    json!({ "refuse": reason.is_some(), "reason": reason.unwrap_or_default() }).to_string()
 }
 
 /// `{"done":…,"stage":…}`.

@@ -30,6 +30,7 @@ mod obstacles;
 mod percept;
 mod place;
 mod reading;
+pub mod refusal;
 mod sight;
 mod signs;
 mod slope;

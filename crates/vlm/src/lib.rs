@@ -21,6 +21,7 @@ pub mod human;
 mod image;
 mod key;
 mod paced;
+pub mod refusal;
 mod remote;
 mod request;
 pub mod service;

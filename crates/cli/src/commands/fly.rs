@@ -7,6 +7,7 @@ mod manual;
 pub(crate) mod opening;
 pub(crate) mod page;
 pub(crate) mod real;
+pub(crate) mod refusal;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod simulated;

@@ -121,6 +121,9 @@ settings! {
         /// when the instruction has ended: land; hover for up to 60 s and accept a new instruction; or rtl, return home by the drone's
         /// own navigation and land there; empty: hover with a real drone and a terminal, else land
         at_end: AtEnd = "", Word, "SPF_AT_END", LIMITS.value("--at-end", "ACTION");
+        /// refuse instructions that ask for harm, to leave the limits or to spy, before take-off, by one question to the VLM, or by their
+        /// words where no model is queried: on, off, or auto (on with a cockpit and for an assistant)
+        refuse: Switch = "auto", Word, "SPF_REFUSE", LIMITS.value("--refuse", "SWITCH");
         /// fly a real drone without a terminal, and so without keyboard control; Ctrl-C and SIGTERM land it: {}
         unattended: bool = "false", Word, "SPF_UNATTENDED", LIMITS.switch("--unattended", "true");
         /// maximum flight time, seconds, not counting manual flight; empty: 300, with the preset paper 180

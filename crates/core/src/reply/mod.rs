@@ -24,7 +24,8 @@ pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 
 pub use short::{
-    Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
+    Choice, Completion, MAX_CHOSEN, Refusal, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
+    parse_refusal, refusal_schema,
 };
 pub use stream::{ReplyStream, has_drafts, parse_reply};
 

@@ -1,12 +1,14 @@
-//! Short answers: a choice among the numbered marks ([`Choose`]), and whether the instruction is fulfilled ([`Done`]).
+//! Short answers: a choice among the numbered marks ([`Choose`]), whether the instruction is fulfilled ([`Done`]), and whether it must
+//! not be flown ([`Refuse`]).
 //!
 //! [`Choose`]: crate::query::QueryKind::Choose
 //! [`Done`]: crate::query::QueryKind::Done
+//! [`Refuse`]: crate::query::QueryKind::Refuse
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_STAGE, MAX_TEXT, ScanError, Value, Verdict, closed_schema, search};
+use super::{MAX_STAGE, MAX_TEXT, ScanError, Value, Verdict, closed_schema, one_line, search};
 
 /// Maximum number of choices parsed from an answer; further ones are ignored.
 pub const MAX_CHOSEN: usize = 64;
@@ -25,6 +27,15 @@ pub struct Completion {
     pub done: bool,
     /// Number of the current stage, from 1.
     pub stage: Option<u32>,
+}
+
+/// The answer to a [`Refuse`](crate::query::QueryKind::Refuse) query.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Refusal {
+    /// Whether the instruction must not be flown.
+    pub refuse: bool,
+    /// The reason in one sentence; empty if it may be flown.
+    pub reason: String,
 }
 
 /// Why an answer is neither a choice nor a completion. Nothing may be flown on it.
@@ -60,6 +71,7 @@ pub enum ShortReplyError {
 
 const POINTS: [&str; 4] = ["points", "choices", "candidates", "numbers"];
 const DONE: [&str; 2] = ["done", "completed"];
+const REFUSE: [&str; 2] = ["refuse", "refused"];
 
 /// Parses the numbers chosen in `text`: the first JSON object that names them, else the first list of whole numbers.
 /// Accepts code fences, prose, a single number instead of a list and numbers as text; a repeated number counts once.
@@ -91,6 +103,29 @@ pub fn parse_completion(text: &str) -> Result<Completion, ShortReplyError> {
         Some(flag) => completion(value, flag).map_or_else(Verdict::Refused, Verdict::Accepted),
         None => Verdict::Other,
     })
+}
+
+/// Parses `{"refuse":…,"reason":…}` in `text`; accepts code fences and prose. The reason is one line.
+///
+/// # Errors
+/// [`ShortReplyError`] if there is no valid answer.
+pub fn parse_refusal(text: &str) -> Result<Refusal, ShortReplyError> {
+    find(text, "refuse", |value, _| match value.field(&REFUSE) {
+        Some(flag) => match flag.truth() {
+            Some(refuse) => {
+                let reason = value.field(&["reason"]).and_then(Value::text).map(one_line).unwrap_or_default();
+                Verdict::Accepted(Refusal { refuse, reason })
+            }
+            None => Verdict::Refused(wrong("refuse", "true or false", flag)),
+        },
+        None => Verdict::Other,
+    })
+}
+
+/// The schema of a [`Refusal`].
+#[must_use]
+pub fn refusal_schema() -> serde_json::Value {
+    closed_schema::<Refusal>()
 }
 
 fn find<T>(

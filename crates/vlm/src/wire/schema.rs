@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
 use spf_core::query::{DepthAs, QueryKind};
-use spf_core::reply::{choice_schema, completion_schema, moves_schema, reply_schema};
+use spf_core::reply::{choice_schema, completion_schema, moves_schema, refusal_schema, reply_schema};
 
 // Needed for every decision.
 static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false, DepthAs::Labels));
@@ -19,6 +19,7 @@ pub(super) fn of(kind: &QueryKind) -> Option<Value> {
         QueryKind::Act { form } => Some(moves_schema(*form)),
         QueryKind::Choose => Some(choice_schema()),
         QueryKind::Done => Some(completion_schema()),
+        QueryKind::Refuse => Some(refusal_schema()),
         _ => None,
     }
 }

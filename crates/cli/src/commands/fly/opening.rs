@@ -13,7 +13,7 @@ use super::settings::{
     Facts, brake, depends_on_boxes, method, method_words, prompt, refuse_contradictions, script, without_boxes,
 };
 use super::signals::flight_interrupts;
-use super::{Others, Ready, no_keys, page, real, simulated};
+use super::{Others, Ready, no_keys, page, real, refusal, simulated};
 use crate::args::{CameraArgs, Fly};
 use crate::commands::camera::refuse_endless;
 use crate::commands::vlm::{Pace, is_human};
@@ -121,6 +121,10 @@ pub(crate) fn ready(
     let pointing = page::pointing(others, settings, prompt.clone(), pace)?;
     if pointing.is_oracle {
         carrier.refuse_oracle()?;
+    }
+    // What an assistant says is checked when it says it, in flight too.
+    if others.assistant.is_none() && refusal::is_on(settings, others.is_any())? {
+        refusal::check(settings, instruction, printer)?;
     }
     let unattended = settings.fly.unattended.is_on()?;
     let attended = carrier.is_real() && !unattended;

@@ -15,7 +15,7 @@ use spf_vlm::human::HUMAN;
 
 use crate::args::Fly;
 use crate::background::PrintThread;
-use crate::commands::fly::{Assistant, Others, Ready, flight_error, instruction_reader, opening, page, result};
+use crate::commands::fly::{Assistant, Others, Ready, flight_error, instruction_reader, opening, page, refusal, result};
 use crate::commands::vlm::{Pace, is_human, pointing};
 use crate::error::CliError;
 use crate::printer::Printer;
@@ -202,6 +202,10 @@ impl Hangar for Craft {
     fn read(&self, wanted: &Wanted) -> Result<String, String> {
         let Some(instruction) = &wanted.instruction else { return Ok(String::new()) };
         let settings = self.settings(wanted, &Printer::new(true)).map_err(|error| error.to_string())?;
+        let printer = Printer::new(true);
+        if refusal::is_on(&settings, true).map_err(|error| error.to_string())? {
+            refusal::check(&settings, instruction, &printer).map_err(|error| error.to_string())?;
+        }
         let scene = settings.fly.scene.text_or_default().to_owned();
         let mut reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
         let read = match &*reader {
