@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use rmcp::handler::server::router::tool::ToolRouter;
 use rmcp::handler::server::wrapper::Parameters;
 use rmcp::model::{
     CallToolResult, ContentBlock, ListResourcesResult, PaginatedRequestParams, ProgressNotificationParam, PromptMessage,
@@ -424,6 +425,17 @@ impl Server {
     }
 }
 
+impl Server {
+    /// The tools. Their descriptions are running text: where a line of the source ends, a space is.
+    fn tools() -> ToolRouter<Self> {
+        let mut router = Self::tool_router();
+        for route in router.map.values_mut() {
+            route.attr.description = route.attr.description.take().map(|text| text.replace('\n', " ").into());
+        }
+        router
+    }
+}
+
 /// How long to wait.
 fn waiting(wait_s: Option<f64>) -> Result<Duration, String> {
     let wait = wait_s.unwrap_or(WAIT_S);
@@ -557,7 +569,7 @@ fn said(text: String) -> Vec<PromptMessage> {
     vec![PromptMessage::new_text(Role::User, text)]
 }
 
-#[tool_handler]
+#[tool_handler(router = Self::tools())]
 #[prompt_handler(router = Self::prompt_router())]
 impl ServerHandler for Server {
     fn get_info(&self) -> ServerConfig {

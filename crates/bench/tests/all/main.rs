@@ -11,6 +11,7 @@ mod pinned;
 mod pins;
 mod poison;
 mod readings;
+mod refusals;
 mod seen;
 mod sentences;
 mod signs;

@@ -10,18 +10,20 @@ sys.path.append(sys.path.pop(0))
 import asyncio
 import atexit
 import base64
+import collections
 import io
 import json
+import math
 import os
 import pathlib
+import pty
 import random
 import re
 import signal
 import subprocess
 import threading
 import time
-import urllib.error
-import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import cockpit_lab
@@ -134,7 +136,8 @@ def by_stdio(*args, mode="auto", folder=".", env=()):
 def by_http(server, mode="auto"):
     """One more client of a server."""
     headers, patience = {"Authorization": f"Bearer {server.token}"}, httpx2.Timeout(30, read=300)
-    client = httpx2.AsyncClient(headers=headers, timeout=patience, trust_env=False)
+    # The server takes 64 connections, of all its clients.
+    client = httpx2.AsyncClient(headers=headers, timeout=patience, limits=httpx2.Limits(max_connections=20), trust_env=False)
     return Assistant(streamable_http_client(server.url, http_client=client), mode)
 
 
@@ -170,8 +173,11 @@ class Wire:
                 self.notes.append(message)
                 return
             assert ("result" in message) != ("error" in message)
-            assert "result" in message or isinstance(message["error"]["code"], int) and isinstance(message["error"]["message"], str)
-            self.answers.setdefault(json.dumps(message["id"]), []).append(message)
+            if "error" in message:
+                assert isinstance(message["error"]["code"], int) and isinstance(message["error"]["message"], str)
+            # The protocol has errors without a number, about what had none.
+            number = message.get("id") if "error" in message else message["id"]
+            self.answers.setdefault(json.dumps(number), []).append(message)
         except (AssertionError, KeyError, TypeError, ValueError):
             self.strange.append(line[:300])
 
@@ -199,3 +205,448 @@ class Wire:
 
     def call(self, tool, **arguments):
         return self.ask("tools/call", {"name": tool, "arguments": arguments})["result"]
+
+
+def clients():
+    """By both revisions and both transports: the same tools, and a flight with all of them."""
+    with ThreadPoolExecutor(2) as both:
+        runs = [both.submit(run) for run in (clients_by_stdio, clients_by_http, fulfilled)]
+        lists = [names for run in runs for names in run.result()]
+    assert set(lists[0]) == TOOLS and all(names == lists[0] for names in lists), lists
+
+
+def clients_by_stdio():
+    return [flown(by_stdio(*OFFICE, "--out", "stdio", mode=mode)[0], mode, f"stdio, {mode}") for mode in MODES]
+
+
+def clients_by_http():
+    server = http_server(*OFFICE, "--out", "http")
+    lists = [flown(by_http(server, mode), mode, f"HTTP, {mode}") for mode in MODES]
+    assert server.end() == 0, server.lines[-5:]
+    return lists
+
+
+def flown(assistant, mode, name):
+    """A flight by points, then by an instruction. The names of the tools."""
+    began = time.monotonic()
+    assert assistant.client.protocol_version == MODES[mode], assistant.client.protocol_version
+    described(assistant)
+    assert assistant.call("status").state == "on_ground"
+    assert assistant.call("take_off").state == "holding"
+    looked = assistant.call("look")
+    assert picture_size(looked.picture) == tuple(looked.size), looked
+    pointed(assistant)
+    flight = instructed(assistant)
+    wrong(assistant)
+    landed(assistant, flight)
+    assistant.end()
+    print(f"{name}: {time.monotonic() - began:.0f} s")
+    return list(assistant.tools)
+
+
+def fulfilled():
+    """An instruction that is flown to its end, after which the craft hovers: what is asked then does not interrupt what it is told."""
+    near = ("--start=-6.6,2.8,0,130", "--vlm", "oracle:perfect", "--out", "fulfilled")
+    assistant, _ = by_stdio(*OFFICE, *near)
+    chair = "go to the blue chair"
+    flight = assistant.call("fly", instruction=chair, wait_s=90)
+    assert flight.ended and flight.outcome == "reached" and flight.state == "hovering", flight.words
+    assistant.call("fly", instruction=chair, wait_s=0)
+    asked(assistant)
+    # Again, and without being held by what was asked.
+    again = assistant.call("wait_flight", flight_id=flight.flight_id, wait_s=90)
+    assert again.ended and again.outcome == "reached" and again.decisions > flight.decisions, again.words
+    assistant.call("land")
+    asked(assistant)
+    down = assistant.call("wait_flight", flight_id=flight.flight_id)
+    assert down.state == "on_ground" and down.outcome == "reached" and down.verified, down.words
+    assistant.end()
+    return [list(assistant.tools)]
+
+
+def asked(assistant):
+    """How is it? Several times at once."""
+    for call in [assistant.start("status") for _ in range(4)]:
+        call.result(60)
+
+
+def described(assistant):
+    """What a client learns before it flies."""
+    for name, tool in assistant.tools.items():
+        hints = tool.annotations
+        given = (hints.read_only_hint, hints.destructive_hint, hints.idempotent_hint, hints.open_world_hint)
+        assert None not in given and tool.output_schema and tool.description, f"{name}: {tool}"
+    client = assistant.client
+    prompts = later(client.list_prompts()).result(60).prompts
+    assert {prompt.name for prompt in prompts} == {"inspect", "patrol", "find"}, prompts
+    [message] = later(client.get_prompt("find", {"what": "the blue chair"})).result(60).messages
+    assert "the blue chair" in message.content.text, message
+    names = listed(client)
+    assert {"spf://scene", "spf://docs/guide/tello"} <= names, names
+    assert read(client, "spf://docs/guide/tello").startswith("# ")
+    scene = json.loads(read(client, "spf://scene"))
+    assert scene["scene"] == "office" and any(thing["name"] == "green person" for thing in scene["things"]), scene
+
+
+def listed(client):
+    return {resource.uri for resource in later(client.list_resources(cache_mode="bypass")).result(60).resources}
+
+
+def read(client, uri):
+    return later(client.read_resource(uri)).result(60).contents[0].text
+
+
+def picture_size(jpeg):
+    """The size of a picture, which models need not make smaller."""
+    picture = Image.open(io.BytesIO(jpeg))
+    assert picture.format == "JPEG" and max(picture.size) <= 768, picture
+    return picture.size
+
+
+def pointed(assistant):
+    """One step ahead moves the craft, and shows what it sees then."""
+    before = assistant.call("status").east_north_m
+    step = assistant.call("point", u=0.5, v=0.5, depth=3)
+    moved = math.dist(before, assistant.call("status").east_north_m)
+    assert step.flown and step.state == "holding" and moved > 0.5, f"{moved} m: {step}"
+    picture_size(step.picture)
+
+
+def instructed(assistant):
+    """Of instructions given at once one is flown; a wait tells how it goes. The flight."""
+    began = time.monotonic()
+    both = [assistant.start("fly", instruction=PERSON, wait_s=0) for _ in range(2)]
+    begun, other = sorted((assistant.answer("fly", call.result(60)) for call in both), key=lambda answer: answer.refused)
+    assert not begun.refused and not begun.ended and time.monotonic() - began < 5, begun
+    assert other.refused and begun.flight_id in other.words, other
+    # It was told to fly: an assistant must not be told that it goes on holding.
+    assert "stays in the air" not in begun.words, begun.words
+    assistant.refused("fly", begun.flight_id, instruction=PERSON)
+    told = []
+    waited = assistant.answer("wait_flight", assistant.start("wait_flight", told, flight_id=begun.flight_id, wait_s=4).result(60))
+    assert waited.flight_id == begun.flight_id and told and all(told), f"{told}: {waited.words}"
+    return begun.flight_id
+
+
+def wrong(assistant):
+    """What is wrong with arguments is told to the model, with the name of the argument."""
+    point = {"u": 0.5, "v": 0.5, "depth": 3}
+    for tool, arguments, name in (
+        ("fly", {}, "instruction"), ("fly", {"instruction": 3}, "instruction"), ("fly", {"instruction": PERSON, "wait_s": -1}, "wait_s"),
+        ("fly", {"instruction": PERSON, "speed": 3}, "speed"), ("point", point | {"u": "left"}, r"\bu\b"),
+        ("point", point | {"u": 1.5}, r"\bu\b"), ("point", point | {"depth": 300}, "depth"), ("point", point | {"depth": 1.5}, "depth"),
+        ("look", {"size": 1}, "size"), ("wait_flight", {"flight_id": "nowhere"}, "nowhere"), ("get_flight", {"flight_id": "nowhere"}, "nowhere"),
+    ):
+        assistant.refused(tool, name, **arguments)
+
+
+def landed(assistant, flight):
+    """Down, and what was recorded."""
+    assistant.call("land")
+    down = assistant.call("wait_flight", flight_id=flight)
+    assert down.state == "on_ground" and down.ended and down.outcome == "aborted", down.words
+    details = assistant.call("get_flight", flight_id=flight)
+    assert details.summary["outcome"] == "aborted" and len(details.path_m) > 1 and details.decisions, details
+    assert flight in {row["flight_id"] for row in assistant.call("list_flights").flights}
+    drawing = f"spf://flights/{flight}/trajectory.svg"
+    assert drawing in details.files and drawing in listed(assistant.client)
+    assert read(assistant.client, drawing).startswith("<svg")
+    assistant.refused("take_off", "nowhere", scene="nowhere")
+
+
+def stops():
+    """Whatever happens to an assistant: the craft holds, and lands."""
+    with ThreadPoolExecutor(2) as both:
+        for done in [both.submit(run) for run in (stopped, leaves, cancelled_by_stdio, cancelled_by_http)]:
+            done.result()
+
+
+def stopped():
+    """A stop works in every state, beside a running call, and nothing of the assistant takes it back."""
+    assistant, _ = by_stdio(*OFFICE, "--out", "stopped")
+    assert "no flight" in assistant.call("stop").done
+    assistant.call("take_off")
+    running = assistant.start("fly", instruction=PERSON, wait_s=300)
+    before = assistant.moving()
+    began = time.monotonic()
+    assistant.call("stop")
+    took = time.monotonic() - began
+    assert took < 1, f"{took:.1f} s"
+    halted = assistant.seen(lambda status: status.state != "flying" and status.speed_m_s < 0.15, "a craft at rest", 4)
+    assert halted.state == "holding", halted
+    assert not assistant.answer("fly", running.result(10)).refused, "the call that ran is answered"
+    assistant.refused("fly", "stopped", instruction=PERSON)
+    assistant.refused("point", "stopped", u=0.5, v=0.5, depth=1)
+    assistant.until("landing")
+    assistant.refused("point", "stopped", u=0.5, v=0.5, depth=1)
+    assistant.until("on_ground")
+    assert "no flight" in assistant.call("stop").done
+    print(f"stop answered after {1000 * took:.0f} ms, from {before.speed_m_s} m/s")
+    # Before it has taken off.
+    running = assistant.start("take_off")
+    wait(lambda: assistant.call("status").state in ("starting", "taking_off"), "a flight that begins")
+    assistant.call("stop")
+    assert not assistant.answer("take_off", running.result(60)).refused
+    assistant.until("on_ground")
+    assistant.end()
+
+
+def cancelled_by_stdio():
+    for mode in MODES:
+        assistant, _ = by_stdio(*OFFICE, "--out", "cancelled-by-stdio", mode=mode)
+        assistant.call("take_off")
+        cancelled(assistant, f"stdio, {mode}")
+        assistant.end()
+
+
+def cancelled_by_http():
+    """Also of a client that is gone without a word, while another one watches."""
+    server = http_server(*OFFICE, "--out", "cancelled-by-http")
+    witness = by_http(server)
+    for mode in MODES:
+        assistant = by_http(server, mode)
+        assistant.call("take_off")
+        cancelled(assistant, f"HTTP, {mode}")
+        assistant.end()
+        caller = subprocess.Popen([sys.executable, "-B", __file__, SPF, "caller", server.url, server.token, mode])
+        witness.moving()
+        caller.kill()
+        assert caller.wait() == -signal.SIGKILL
+        witness.until("holding", 5)
+        down(witness)
+    witness.end()
+    assert server.end() == 0, server.lines[-5:]
+
+
+def caller():
+    """The part of `stops` that is killed: a call runs."""
+    url, token, mode = sys.argv[3:]
+    assistant = by_http(SimpleNamespace(url=url, token=token), mode)
+    assistant.call("take_off")
+    assistant.call("fly", instruction=PERSON, wait_s=300)
+
+
+def cancelled(assistant, name):
+    """A call that is cancelled makes the craft hold."""
+    running = assistant.start("fly", instruction=PERSON, wait_s=300)
+    assistant.moving()
+    began = time.monotonic()
+    running.cancel()
+    assistant.until("holding", 5)
+    print(f"{name}: held {time.monotonic() - began:.1f} s after the call was cancelled")
+    down(assistant)
+
+
+def down(assistant):
+    assistant.call("land")
+    assistant.until("on_ground")
+
+
+def leaves():
+    """A client by standard input that is gone, whose call still ran, and a signal: the flight is ended, and its files are complete."""
+    for name, leave, cause in (
+        ("left", lambda wire: wire.process.stdin.close(), "nobody had the controls"),
+        ("signalled", lambda wire: wire.process.send_signal(signal.SIGTERM), "operator ended the flight"),
+    ):
+        wire = Wire(*OFFICE, "--out", name)
+        assert not wire.call("take_off")["isError"]
+        wire.request("tools/call", {"name": "fly", "arguments": {"instruction": PERSON, "wait_s": 300}})
+        status = lambda: wire.call("status")["structuredContent"]
+        before = wait(lambda: (time.sleep(0.2), status())[1].get("state") == "flying" and status(), "a flight that flies")
+        leave(wire)
+        code = wire.process.wait(120)
+        [flight] = pathlib.Path(name).iterdir()
+        assert code == 0 and {"summary.json", "trajectory.svg", "flight.mcap", "decisions.jsonl"} <= set(os.listdir(flight)), f"{code}: {wire.told}"
+        summary = json.loads((flight / "summary.json").read_text())
+        assert summary["outcome"] == "aborted" and cause in summary["cause"], summary
+        # Told with the flight's time: it did not fly on until something noticed.
+        ends = [float(line.split()[0]) for line in wire.told if re.search(r"left the controls, hold|operator: land", line)]
+        assert ends and ends[0] - before["flight_time_s"] < 3, f"{before['flight_time_s']} s: {wire.told}"
+        assert wire.strange == [], wire.strange
+        print(f"{name}: ended {ends[0] - before['flight_time_s']:.1f} s later")
+
+
+def strangers():
+    """Who has no token, comes from elsewhere or calls too often; and a second client, which may stop what another one flies."""
+    for flags, env, why in (
+        (("127.0.0.1:0",), {"SPF_MCP_TOKEN": "short"}, "at least 16 characters"),
+        (("0.0.0.0:0",), {}, "this machine only"),
+    ):
+        run = subprocess.run([SPF, "mcp", "--http", *flags], env={**os.environ, **env}, capture_output=True, text=True, timeout=60)
+        assert run.returncode == 2 and why in run.stderr, run
+    server = http_server(*OFFICE)
+    refused_requests(server)
+    first, second = by_http(server), by_http(server, "legacy")
+    first.call("take_off")
+    running = first.start("fly", instruction=PERSON, wait_s=300)
+    seen = second.moving()
+    assert seen.flight_id == first.call("status").flight_id
+    assert "zero velocity" in second.call("stop").done
+    assert not first.answer("fly", running.result(10)).refused
+    first.until("on_ground")
+    flooded(first, second)
+    for assistant in (first, second):
+        assistant.end()
+    assert server.end() == 0 and not any(server.token in line for line in server.lines if "Token" not in line)
+    # A token of the user's own is not printed.
+    own = "a-token-of-my-own"
+    server = Program("mcp", "--http", "127.0.0.1:0", *OFFICE, ready=r"MCP: (http\S+)", env={"SPF_MCP_TOKEN": own})
+    assert by_http(SimpleNamespace(url=server.url, token=own)).call("status").state == "on_ground"
+    assert server.end() == 0 and not any(own in line or "Token" in line for line in server.lines), server.lines
+
+
+def refused_requests(server):
+    """Every request needs the token, and comes from no page."""
+    right = {"Authorization": f"Bearer {server.token}", "Content-Type": "application/json", "Accept": "application/json, text/event-stream"}
+    ping = {"jsonrpc": "2.0", "id": 1, "method": "tools/list", "params": {}}
+    wrong_token = right["Authorization"][:-1] + ("0" if server.token[-1] != "0" else "1")
+    for name, codes, method, headers, path in (
+        ("no token", {401}, "POST", {}, ""), ("a token in the address", {401}, "POST", {}, f"?token={server.token}"),
+        ("a wrong token", {401}, "POST", right | {"Authorization": wrong_token}, ""),
+        ("half a token", {401}, "POST", right | {"Authorization": right["Authorization"][:-16]}, ""),
+        ("another scheme", {401}, "POST", right | {"Authorization": f"Basic {server.token}"}, ""),
+        ("a page of another site", {403}, "POST", right | {"Origin": "http://elsewhere.example"}, ""),
+        ("a page of a file", {403}, "POST", right | {"Origin": "null"}, ""),
+        ("another name of this machine", {403, 421}, "POST", right | {"Host": "elsewhere.example"}, ""),
+        ("reading", {400, 405}, "GET", right, ""), ("putting", {405}, "PUT", right, ""), ("a form", {415}, "POST", right | {"Content-Type": "text/plain"}, ""),
+    ):
+        content = None if method == "GET" else json.dumps(ping)
+        response = httpx2.request(method, server.url + path, headers=headers, content=content, trust_env=False)
+        assert response.status_code in codes, f"{name}: {response.status_code} {response.text}"
+        assert "fly" not in response.text and server.token not in response.text, f"{name}: {response.text}"
+
+
+def flooded(first, second):
+    """Calls beyond what can mean anything are refused; in the middle of them a stop works."""
+    first.call("take_off")
+    flood = [first.start("status") for _ in range(300)]
+    wait(lambda: any(call.done() for call in flood), "the first answers")
+    began = time.monotonic()
+    assert "zero velocity" in second.call("stop").done
+    took = time.monotonic() - began
+    answers = [first.answer("status", call.result(60)) for call in flood]
+    refused = [answer.words for answer in answers if answer.refused]
+    print(f"flood: {len(refused)} of {len(flood)} refused; stop answered after {1000 * took:.0f} ms")
+    assert took < 1.5 and len(refused) > len(flood) / 2 and all(TOO_MANY in words for words in refused), f"{took} s: {refused[:3]}"
+    second.until("on_ground")
+
+
+SECRET = "what is elsewhere is nobody's business"
+LETTERS = "aZ0 .,-/\\é世🚁\u202e\u0000\u2028\"'{}[]<>%&|;$`\n"
+
+
+def fuzz():
+    """7000 calls and lines of all kinds. Arguments are read before calls are counted, though most of those that can be read are refused."""
+    began, chance = time.monotonic(), random.Random(1)
+    outside = hidden()
+    wire = Wire(*OFFICE)
+    asked = set()
+    for number in range(7000):
+        kind = chance.random()
+        if kind < 0.1:
+            wire.write(malformed(chance))
+            continue
+        if kind < 0.2:
+            method, params = chance.choice(METHODS), {} if chance.random() < 0.5 else {text(chance): thing(chance)}
+        elif kind < 0.3:
+            method, params = "resources/read", {"uri": address(chance, outside)}
+        elif kind < 0.32:
+            method, params = "tools/call", {"name": "stop", "arguments": {}}
+        else:
+            method, params = "tools/call", {"name": chance.choice([*FIELDS, text(chance)]), "arguments": {}}
+            names = FIELDS.get(params["name"], ())
+            params["arguments"] = {name: thing(chance) for name in names if chance.random() < 0.9}
+            if chance.random() < 0.2:
+                params["arguments"][text(chance)] = thing(chance)
+        asked.add(wire.request(method, params))
+        # As fast as it answers, with some at a time.
+        if number % 50 == 0:
+            wire.ask("ping", {})
+    # What waits for a flight is answered when that is over.
+    wire.call("stop")
+    wait(lambda: all(json.dumps(number) in wire.answers for number in asked), "every answer", 90)
+    assert wire.process.poll() is None and wire.strange == [], wire.strange[:5]
+    assert all(len(wire.answers[json.dumps(number)]) == 1 for number in asked), "one answer each"
+    counts = collections.Counter(outcome(wire.answers[json.dumps(number)][0]) for number in asked)
+    assert SECRET not in json.dumps(list(wire.answers.values()), ensure_ascii=False), "a file outside was read"
+    # The way to what may be read is open.
+    assert "of ours" in json.dumps(wire.ask("resources/read", {"uri": "spf://flights/ours/summary.json"}))
+    wait(lambda: (time.sleep(0.2), wire.call("status"))[1].get("structuredContent", {}).get("state") == "on_ground", "the ground")
+    wire.process.stdin.close()
+    assert wire.process.wait(60) == 0 and not any("panicked" in line for line in wire.told), wire.told[-5:]
+    print(f"fuzz: {dict(counts)} in {time.monotonic() - began:.0f} s")
+
+
+METHODS = ["tools/list", "prompts/list", "prompts/get", "resources/list", "resources/templates/list", "ping", "completion/complete",
+           "logging/setLevel", "server/discover", "initialize", "tasks/list", "nothing/known", "", "tools/call\u0000"]
+FIELDS = {"fly": ("instruction", "wait_s", "scene"), "wait_flight": ("flight_id", "wait_s"), "get_flight": ("flight_id",), "take_off": ("scene",),
+          "point": ("u", "v", "depth", "frame"), "look": (), "status": (), "hold": (), "land": (), "stop": (), "list_flights": (), "list_scenes": ()}
+
+
+def hidden():
+    """Files that must not be read, beside one that may, and links to them. Their addresses."""
+    flight, outside = pathlib.Path("flights/ours"), pathlib.Path("outside").absolute()
+    for folder in (flight, outside):
+        folder.mkdir(parents=True)
+    (flight / "summary.json").write_text('"of ours"')
+    (outside / "summary.json").write_text(SECRET)
+    (flight / "trajectory.svg").symlink_to(outside / "summary.json")
+    pathlib.Path("flights/link").symlink_to(outside)
+    (flight / "notes.txt").write_text(SECRET)
+    return outside
+
+
+def address(chance, outside):
+    """Of a resource that is not there, or must not be read."""
+    up = chance.choice(["..", "%2e%2e", "..%2f", "....//", "..\\", "ours/..", "./.."])
+    return chance.choice([
+        f"spf://flights/{up}/outside/summary.json", f"spf://flights/{up}/{up}/{outside}/summary.json", f"spf://flights/{outside}/summary.json",
+        f"spf://flights//{outside}/summary.json", f"file://{outside}/summary.json", f"{outside}/summary.json", "spf://flights/link/summary.json",
+        "spf://flights/ours/trajectory.svg", "spf://flights/ours/notes.txt", f"spf://flights/ours/{up}/{up}/outside/summary.json",
+        f"spf://docs/{up}/{up}/outside/summary.json", f"spf://docs/{outside}/summary.json", f"spf://scene/{up}", "spf://flights/ours/summary.json\u0000",
+        f"spf://flights/{text(chance)}/summary.json", f"spf://{text(chance)}", text(chance),
+    ])
+
+
+def text(chance):
+    return "".join(chance.choices(LETTERS, k=chance.choice([0, 1, 5, 40, 3000])))
+
+
+def thing(chance):
+    """A value of any kind, sometimes one that means something."""
+    return chance.choice([
+        lambda: None, lambda: chance.random() < 0.5, lambda: chance.choice([0, 1, -1, 5, 10, 255, 256, 2**31, 2**53 + 1, -2**63, 2**64, 10**40]),
+        lambda: chance.choice([0.5, -0.0, 1e-320, 1e308, 1.5, chance.random()]), lambda: chance.choice(["NaN", "Infinity", "null", "1", PERSON]),
+        lambda: chance.choice(["office", "../outside", "ours", "link", "/etc/passwd", "office@99999999999"]), lambda: text(chance),
+        lambda: [thing(chance) for _ in range(chance.randrange(3))], lambda: {text(chance): thing(chance)}, lambda: chance.random(),
+    ])()
+
+
+def malformed(chance):
+    """A line that is no message."""
+    whole = json.dumps({"jsonrpc": "2.0", "id": "lost", "method": "tools/call", "params": {"name": "status", "arguments": {"a": thing(chance)}}})
+    return chance.choice([
+        lambda: whole[: chance.randrange(len(whole))].encode(), lambda: chance.randbytes(chance.randrange(200)).replace(b"\n", b""),
+        lambda: b"[" * 20000, lambda: b"{" + b'"a":{' * 5000, lambda: b"x" * 300000, lambda: b'{"jsonrpc":"2.0","id":"lost","result":{}}',
+        lambda: b'{"jsonrpc":"2.0","method":"notifications/cancelled","params":{"requestId":"never"}}', lambda: json.dumps(thing(chance)).encode(),
+        lambda: b'{"jsonrpc":"2.0","method":"notifications/initialized"}', lambda: b'{"jsonrpc":"2.0","id":{},"method":"ping"}', lambda: b"",
+        lambda: whole.replace('"2.0"', "2.0").encode(), lambda: whole.replace('"lost"', "NaN").encode(),
+    ])()
+
+
+def outcome(answer):
+    """Of what kind an answer is."""
+    if "error" in answer:
+        return answer["error"]["code"]
+    result = answer["result"]
+    if not result.get("isError"):
+        return "done"
+    return "too many" if TOO_MANY in result["content"][0]["text"] else "refused"
+
+
+PARTS = {part.__name__: part for part in (clients, stops, caller, strangers, fuzz)}
+for part in sys.argv[2:]:
+    if part in PARTS:
+        began = time.monotonic()
+        PARTS[part]()
+        print(f"{part}: {time.monotonic() - began:.0f} s")
