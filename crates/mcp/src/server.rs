@@ -429,9 +429,9 @@ impl Server {
     /// The tools. Their descriptions are running text: where a line of the source ends, a space is.
     fn tools() -> ToolRouter<Self> {
         let mut router = Self::tool_router();
-        for route in router.map.values_mut() {
+        router.map.values_mut().for_each(|route| {
             route.attr.description = route.attr.description.take().map(|text| text.replace('\n', " ").into());
-        }
+        });
         router
     }
 }

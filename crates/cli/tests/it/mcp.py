@@ -644,9 +644,164 @@ def outcome(answer):
     return "too many" if TOO_MANY in result["content"][0]["text"] else "refused"
 
 
-PARTS = {part.__name__: part for part in (clients, stops, caller, strangers, fuzz)}
-for part in sys.argv[2:]:
-    if part in PARTS:
+HOW = "nobody has armed the assistant"
+
+
+def tello():
+    """A virtual Tello; the operator also arms by typing."""
+    address = f"127.{os.getpid() % 200 + 20}.{time.monotonic_ns() // 1000 % 250}"
+    served = Program("sim", "serve", "--tello", "--scene", "office", "--quality", "draft", "--listen", f"{address}.1", ready="UDP (127[^;]+)")
+    with sync_playwright() as playwright:
+        real(playwright, "tello", typed, "--drone", f"tello@{served.url}", env={"SPF_TELLO_LOCAL": f"{address}.2"})
+    served.end()
+
+
+def px4():
+    """A virtual PX4 with a camera by RTSP."""
+    link = f"127.{os.getpid() % 200 + 20}.{time.monotonic_ns() // 1000 % 250}.1:14540"
+    served = Program("sim", "serve", "--mavlink", "px4", "--mavlink-link", f"udpout:{link}", "--rtsp=127.0.0.1:0", "--scene", "park", "--quality", "draft",
+                     "--mavlink-param", "COM_OBL_RC_ACT=5", ready=r"--camera (rtsp://\S+)")
+    camera = ("--camera", served.url, "--camera-fov", "90", "--camera-tilt", "5")
+    with sync_playwright() as playwright:
+        real(playwright, "px4", None, "--drone", f"mavlink@udpin:{link}", *camera)
+    served.end()
+
+
+def real(playwright, name, last, *drone, env=()):
+    """A drone that is not the embedded simulator moves only by the consent of its operator, for one flight."""
+    env = {**dict(env), "XDG_STATE_HOME": str(pathlib.Path("state").absolute())}
+    assistant, told = by_stdio(*drone, "--cockpit=127.0.0.1:0", "--vlm", "human", "--no-video", env=env)
+    address = wait(lambda: re.search(r"open (http\S+)", told.read_text()), "a cockpit")[1]
+    unarmed(assistant)
+    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+    page = page_of(browser, LAPTOP)
+    page.goto(address)
+    expect(page.locator("#phase")).to_have_text("ready")
+    arm = page.get_by_role("button", name="Arm the assistant")
+    expect(arm).to_be_visible()
+    shot(page, f"{name}-unarmed")
+    accessible(page, "an assistant that may be armed")
+    # What the assistant cannot fly by uses nothing up.
+    arms(page, assistant)
+    assistant.refused("fly", "no vision-language model", instruction=PERSON)
+    assert assistant.call("take_off").state == "holding"
+    phase(page, "held")
+    picture_size(assistant.call("look").picture)
+    points(page, assistant)
+    shot(page, f"{name}-holding")
+    accessible(page, "an assistant that holds")
+    assistant.call("hold")
+    # Whoever holds in the cockpit has the controls.
+    page.keyboard.press("Space")
+    taken = assistant.seen(lambda status: status.consent.startswith("not armed"), "a consent that is gone")
+    assert taken.state == "holding" and taken.taken_over, taken
+    assistant.refused("point", HOW, u=0.5, v=0.5, depth=1)
+    arms(page, assistant)
+    points(page, assistant)
+    assistant.call("land")
+    phase(page, "landing")
+    assistant.until("on_ground", 120)
+    expect(page.locator("#ended")).to_be_visible()
+    page.locator("#ended-close").click()
+    unarmed(assistant)
+    complain(name)
+    page.context.close()
+    browser.close()
+    if last:
+        last(assistant, env)
+    assistant.end()
+
+
+def unarmed(assistant):
+    """What moves is refused, with what the operator has to do; what does not is answered."""
+    status = assistant.call("status")
+    assert status.real and status.state == "on_ground" and status.consent.startswith("not armed"), status
+    assistant.refused("take_off", f"{HOW}.*Arm the assistant.*spf mcp arm")
+    assistant.refused("fly", HOW, instruction=PERSON)
+    assistant.refused("point", "no flight", u=0.5, v=0.5, depth=1)
+    assistant.refused("land", "no flight")
+    assert "no flight" in assistant.call("stop").done
+    looked = assistant.ask("look")
+    # The last picture of the last flight, if there was one.
+    assert looked.refused != hasattr(status, "flight_id") and HOW not in looked.words, looked.words
+
+
+def arms(page, assistant):
+    """The operator presses the button."""
+    page.get_by_role("button", name="Arm the assistant").click()
+    assistant.seen(lambda status: status.consent.startswith("armed"), "a consent")
+
+
+def points(page, assistant):
+    """A short step that is flown. A page that a busy machine has kept from answering for 0.7 s counts as lost, and takes the consent along."""
+    for _ in range(4):
+        step = assistant.ask("point", u=0.5, v=0.5, depth=1)
+        if not step.refused and step.flown:
+            break
+        arms(page, assistant)
+    assert not step.refused and step.flown and step.state == "holding", step
+    picture_size(step.picture)
+
+
+def typed(assistant, env):
+    """Consent by words typed at a terminal, and by nothing else."""
+    run = subprocess.run([SPF, "mcp", "arm"], env={**os.environ, **env}, input="arm tello\n", capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2 and "no terminal" in run.stderr or "terminal" in run.stderr, run
+    code, told = at_terminal("yes", env)
+    assert code != 0 and "nothing is armed" in told, told
+    unarmed(assistant)
+    code, told = at_terminal("arm tello", env)
+    assert code == 0 and "Armed for 10 min and one flight" in told, told
+    assert assistant.call("status").consent.startswith("armed for one flight")
+    assert assistant.call("take_off").state == "holding"
+    assert "zero velocity" in assistant.call("stop").done
+    assistant.refused("point", "stopped", u=0.5, v=0.5, depth=1)
+    assistant.until("on_ground", 120)
+    unarmed(assistant)
+
+
+def at_terminal(words, env):
+    """Types them when `spf mcp arm` asks. Its exit code and what it says."""
+    terminal, theirs = pty.openpty()
+    streams = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
+    process = subprocess.Popen([SPF, "mcp", "arm"], env={**os.environ, **env}, **streams)
+    os.close(theirs)
+    said = []
+
+    def listen():
+        try:
+            while data := os.read(terminal, 4096):
+                said.append(data.decode(errors="replace"))
+        except OSError:
+            # The other side is gone.
+            pass
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    wait(lambda: "to go on:" in "".join(said) or process.poll() is not None, "the question")
+    os.write(terminal, f"{words}\n".encode())
+    code = process.wait(60)
+    listener.join(60)
+    os.close(terminal)
+    return code, "".join(said)
+
+
+def inspector():
+    """The reference inspector finds nothing to complain about in the tools, and calls one."""
+    program = [os.environ["SPF_MCP_INSPECTOR"], "--cli", SPF, "mcp", "--scene", "office"]
+    run = subprocess.run([*program, "--method", "tools/list", "--strict"], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0 and {tool["name"] for tool in json.loads(run.stdout)["tools"]} == TOOLS, run
+    found = re.search(r"(\d+) errors?, (\d+) warnings?", run.stderr)
+    assert not found or found.groups() == ("0", "0"), run.stderr
+    run = subprocess.run([*program, "--method", "tools/call", "--tool-name", "status"], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0 and json.loads(run.stdout)["structuredContent"]["state"] == "on_ground", run
+
+
+PARTS = {part.__name__: part for part in (clients, stops, strangers, fuzz, tello, px4, inspector)}
+if sys.argv[2] == "caller":
+    caller()
+else:
+    for part in sys.argv[2:]:
         began = time.monotonic()
         PARTS[part]()
-        print(f"{part}: {time.monotonic() - began:.0f} s")
+        print(f"{part}: {time.monotonic() - began:.0f} s", flush=True)

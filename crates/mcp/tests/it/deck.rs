@@ -1,5 +1,4 @@
 //! The deck with the embedded simulator in real time: who may order what, and what happens if nobody says anything.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Sender;
@@ -52,7 +51,7 @@ impl Hangar for Simulator {
         }
         let Seat { operator, orders, mut watch, pointing, .. } = seat;
         *self.cockpit.lock().unwrap() = Some(orders);
-        let site = Simulated { realtime: true, kind: CraftKind::Tello, ..Simulated::new(self.scene.clone(), "office") };
+        let site = Simulated { realtime: true, kind: CraftKind::Tello, ..Simulated::new(self.scene.clone(), "scene") };
         let oracle = oracle_factory("oracle".to_owned(), ErrorFile::default());
         let points: VlmFactory = Arc::new(move |world, seed| {
             Ok(Box::new(Pointer::new(pointing.clone(), Arc::new(|_| {}), Some(oracle(world, seed)?))) as Box<dyn Vlm>)
@@ -62,6 +61,12 @@ impl Hangar for Simulator {
         plan.operator = Some(operator);
         fly(plan, &mut [&mut watch]).map_err(|error| error.to_string())
     }
+}
+
+/// A deck in a scene.
+pub(crate) fn deck_in(scene: LoadedScene) -> Arc<Deck> {
+    let hangar = Simulator { real: false, scene: Arc::new(scene), cockpit: Mutex::default(), begun: AtomicU32::new(0) };
+    Deck::new(Arc::new(hangar), Patience::default()).unwrap()
 }
 
 fn deck_of(real: bool, patience: Patience) -> (Arc<Deck>, Arc<Simulator>) {
@@ -75,7 +80,7 @@ fn deck() -> Arc<Deck> {
 }
 
 /// Waits until something is so.
-fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let began = Instant::now();
     while !is_so() {
         assert!(began.elapsed() < SLOW, "waited in vain: {what}");
@@ -83,7 +88,7 @@ fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-fn take_off(deck: &Arc<Deck>) -> Flight {
+pub(crate) fn take_off(deck: &Arc<Deck>) -> Flight {
     let (flight, ..) = deck.fly(Wanted { instruction: None, scene: None }).unwrap();
     until("it takes off", || flight.phase() == Some(Phase::Held));
     flight
