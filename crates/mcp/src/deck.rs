@@ -45,8 +45,8 @@ impl Default for Patience {
 
 /// What opens flights: the program, with its settings.
 pub trait Hangar: Send + Sync + 'static {
-    /// The craft in a few words, such as `simulated quad in city`.
-    fn craft(&self) -> String;
+    /// The craft in a few words; in this scene, if not in that of the settings.
+    fn craft(&self, scene: Option<&str>) -> String;
 
     /// Who answers the queries of `fly`, in words; `None` if nobody does, so that only the assistant points.
     fn answers(&self) -> Option<String>;
@@ -122,6 +122,10 @@ pub struct Flight {
     pointing: Arc<Pointing>,
     given_up: Arc<AtomicBool>,
     folder: Arc<OnceLock<PathBuf>>,
+    /// The scene that was asked for.
+    scene: Option<String>,
+    /// Whether it was stopped, and lands whatever an assistant says.
+    stopped: Arc<AtomicBool>,
 }
 
 impl core::fmt::Debug for Flight {
@@ -136,6 +140,24 @@ impl Flight {
     pub fn id(&self) -> String {
         let name = self.folder.get().and_then(|folder| folder.file_name()).map(|name| name.to_string_lossy().into_owned());
         name.unwrap_or_else(|| format!("flight-{}", self.number))
+    }
+
+    /// The scene that was asked for; `None` for that of the settings.
+    #[must_use]
+    pub fn scene(&self) -> Option<&str> {
+        self.scene.as_deref()
+    }
+
+    /// Whether it was stopped, and lands whatever an assistant says.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// Whether its files have a folder, by which it is named from then on.
+    #[must_use]
+    pub fn has_folder(&self) -> bool {
+        self.folder.get().is_some()
     }
 
     /// Whether this is its name before it had a folder.
@@ -349,7 +371,8 @@ impl Deck {
                 flight.seen.borrow().instruction
             ));
         }
-        let read = self.hangar.read(&wanted)?;
+        // What there is, is in the scene where it flies.
+        let read = self.hangar.read(&Wanted { scene: flight.scene.clone(), ..wanted.clone() })?;
         self.consent.go_on(Instant::now())?;
         if self.hangar.answers().is_none() {
             return Err(NOBODY_ANSWERS.to_owned());
@@ -383,6 +406,8 @@ impl Deck {
             pointing: pointing.clone(),
             given_up: given_up.clone(),
             folder: folder.clone(),
+            scene: wanted.scene.clone(),
+            stopped: Arc::default(),
         };
         let seat = Seat { operator, orders: send, watch, pointing, given_up, folder };
         let deck = self.clone();
@@ -405,12 +430,12 @@ impl Deck {
         Ok(flight)
     }
 
-    /// Flies one step towards a point of a picture: fractions from the left and from the top, and a depth label from 1 to 10. The
-    /// flight, and how many points had come to their end before.
+    /// Flies one step towards what is given: a point of a picture, or a side to look at. The flight, and how many points had come to
+    /// their end before.
     ///
     /// # Errors
     /// Why it is refused.
-    pub fn point(&self, point: (f64, f64), depth: u8, frame: Option<u64>) -> Result<(Flight, u32), String> {
+    pub fn point(&self, given: impl FnOnce(u64) -> Given, frame: Option<u64>) -> Result<(Flight, u32), String> {
         let mut inner = self.inner();
         let flight = inner.flying()?;
         inner.admits(&flight, "point")?;
@@ -435,7 +460,7 @@ impl Deck {
             return Err(format!("frame {frame} is too old, or was never there: `look` again, and point in that picture"));
         }
         flight.pointing.answer_all(true);
-        flight.pointing.correct(Given::point(point.0, point.1, depth, frame))?;
+        flight.pointing.correct(given(frame))?;
         let points = flight.seen.borrow().points;
         flight.orders.begin_point();
         inner.operator_has_it = false;
@@ -497,6 +522,7 @@ impl Deck {
     /// Ends a flight: zero now, then a landing that no call of an assistant takes back.
     fn end(&self, inner: &mut Inner, flight: &Flight) {
         self.consent.revoke();
+        flight.stopped.store(true, Ordering::Relaxed);
         match flight.phase() {
             // What lands goes on landing.
             Some(Phase::Landing | Phase::Ended) => {}
@@ -539,6 +565,7 @@ impl Deck {
             // Whoever took the controls has them, and the assistant is armed anew, or not.
             self.consent.revoke();
             (inner.operator_has_it, inner.stopped, inner.lost) = (true, None, None);
+            flight.stopped.store(false, Ordering::Relaxed);
         }
         if self.consent.runs_out(now) {
             tracing::warn!("the operator's consent has run out: the drone holds, and lands");

@@ -10,7 +10,7 @@ use spf_api::files::load_scene;
 use spf_api::flight::read_flight;
 use spf_api::log::FlightRecord;
 use spf_core::tags::Tagged;
-use spf_flight::summary::Summary;
+use spf_flight::summary::{Summary, Touch};
 use spf_flight::words;
 use spf_pilot::{Outcome, Phase};
 use spf_scene::{Scene, SceneLook};
@@ -110,6 +110,8 @@ pub struct Status {
     pub link: bool,
     /// Decisions so far.
     pub decisions: u32,
+    /// How the last flight ended, once it has.
+    pub last_result: Option<String>,
     /// The last order of somebody else than the assistant, if there was one.
     pub taken_over: Option<String>,
     /// What happened lately, oldest first.
@@ -127,7 +129,7 @@ impl Status {
         let pose = seen.pose.filter(|_| !is_over);
         Self {
             state: State::of(flight.as_ref()),
-            craft: hangar.craft(),
+            craft: hangar.craft(flight.as_ref().and_then(Flight::scene)),
             real: hangar.is_real(),
             consent: deck.consent(),
             model: hangar.answers(),
@@ -141,6 +143,7 @@ impl Status {
             battery: telemetry.and_then(|telemetry| telemetry.battery).map(rounded),
             link: !seen.link_lost,
             decisions: seen.decisions,
+            last_result: flight.as_ref().filter(|flight| flight.is_over()).map(|flight| Progress::of(flight, 1).words()),
             taken_over: seen.overridden.clone(),
             recent: seen.lines.iter().map(|(at, text)| format!("{:.1} s: {text}", at.as_secs_f64())).collect(),
         }
@@ -160,6 +163,9 @@ impl Status {
         }
         if let Some(taken) = &self.taken_over {
             let _ = write!(text, " The operator has taken over: {taken}.");
+        }
+        if let Some(result) = &self.last_result {
+            let _ = write!(text, " The last flight: {result}");
         }
         let _ = write!(text, " Consent: {}.", self.consent);
         text
@@ -192,6 +198,8 @@ pub struct Progress {
     pub flown: Option<bool>,
     /// Of `point`: what the safety envelope or the method shortened or refused.
     pub limited: Vec<String>,
+    /// Whether it was stopped, and lands whatever is said.
+    pub stopped: bool,
     /// What to know, or to do next.
     pub note: String,
 }
@@ -213,6 +221,7 @@ impl Progress {
             last_decision: seen.last_decision.clone(),
             flown: None,
             limited: Vec::new(),
+            stopped: flight.is_stopped(),
             note: String::new(),
         };
         match &*flight.landed.borrow() {
@@ -232,6 +241,22 @@ impl Progress {
         (self.outcome, self.cause) = (Some(summary.outcome), Some(summary.cause.clone()));
         (self.verified, self.decisions) = (summary.verified, summary.decisions);
         "The drone is on the ground, and the flight is over.".clone_into(&mut self.note);
+        if summary.instruction == POINTED {
+            // Where it was to be led, only the assistant knows.
+            self.verified = None;
+            if summary.outcome == Outcome::Aborted {
+                self.outcome = None;
+            }
+            self.note.push_str(" It flew where you pointed: there was no instruction that could be verified.");
+        }
+        if !summary.touched.is_empty() {
+            let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();
+            let _ = write!(
+                self.note,
+                " It touched: {}. A new flight in the simulator begins at the scene's start.",
+                touched.join(", ")
+            );
+        }
         for problem in problems {
             let _ = write!(self.note, " Not recorded: {problem}.");
         }
@@ -240,6 +265,10 @@ impl Progress {
     fn in_flight(&mut self, seen: &Seen, instruction: u32) {
         if let Some(ending) = crate::deck::ended(seen, instruction) {
             (self.ended, self.outcome, self.cause) = (true, Some(ending.outcome), Some(ending.cause));
+        }
+        if self.stopped {
+            "It was stopped: it holds, and lands in a moment.".clone_into(&mut self.note);
+            return;
         }
         let note = match self.state {
             State::Holding if self.instruction != POINTED && !self.ended => {
@@ -261,8 +290,9 @@ impl Progress {
         match pointed {
             Some(Pointed { flown, words, limited }) => {
                 (self.flown, self.limited) = (Some(flown), limited);
-                self.note =
-                    if flown { format!("Flown: {words}. {}", self.note) } else { format!("Not flown to its end: {words}") };
+                let note = core::mem::take(&mut self.note);
+                let came = if flown { "Flown" } else { "Not flown to its end" };
+                self.note = format!("{came}: {words}. {note}");
             }
             None => self.note = "The step is still being flown: `look`, or `hold`.".to_owned(),
         }
@@ -282,7 +312,7 @@ impl Progress {
                 None => {}
             }
         }
-        let _ = write!(text, ". {} decisions. {}", self.decisions, self.note);
+        let _ = write!(text, ". {}. {}", words::counted(self.decisions, "decision"), self.note);
         for limited in &self.limited {
             let _ = write!(text, " Limited: {limited}.");
         }
@@ -321,6 +351,8 @@ pub struct Look {
     pub age_s: f64,
     /// What is marked on it.
     pub marked: Vec<Marked>,
+    /// How long a step is by its depth label, 1 to 10, metres.
+    pub steps_m: Vec<f64>,
     /// What the craft does.
     pub state: State,
 }
@@ -354,6 +386,7 @@ impl Look {
             size: [width, height],
             age_s: rounded(picture.age_s),
             marked: goal.into_iter().collect(),
+            steps_m: flight.map(|flight| flight.seen.borrow().steps_m.iter().copied().map(rounded).collect()).unwrap_or_default(),
             state: State::of(flight),
         }
     }
@@ -470,7 +503,7 @@ pub struct Details {
     pub flight_id: String,
     /// Its summary, as in `summary.json`.
     pub summary: serde_json::Map<String, serde_json::Value>,
-    /// Its decisions in words, at most 60, oldest first.
+    /// Its decisions in words, the first 60.
     pub decisions: Vec<String>,
     /// Where it flew: metres east, north and up, ten points at most.
     pub path_m: Vec<[f64; 3]>,
@@ -525,6 +558,9 @@ impl Details {
         );
         for decision in &self.decisions {
             let _ = write!(text, "\n{decision}");
+        }
+        if self.decisions.len() == DECISIONS {
+            text.push_str("\nMore are in the resource `decisions.jsonl` of the flight.");
         }
         text
     }

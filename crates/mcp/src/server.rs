@@ -22,6 +22,8 @@ use rmcp::{
     ErrorData, RoleServer, ServerHandler, ServiceExt as _, prompt, prompt_handler, prompt_router, tool, tool_handler, tool_router,
 };
 use serde::{Deserialize, Serialize};
+use spf_core::query;
+use spf_flight::pointing::Given;
 use spf_pilot::Phase;
 
 pub use self::http::{Secret, serve_http, url};
@@ -36,8 +38,13 @@ const LONGEST_WAIT_S: f64 = 600.0;
 /// How long a step may take, and a take-off with its preparation.
 const STEP: Duration = Duration::from_secs(50);
 const TAKE_OFF: Duration = Duration::from_secs(50);
+/// After a step the craft is level again, and how long the picture of it is waited for.
+const LEVEL: Duration = Duration::from_millis(500);
+const PICTURE: Duration = Duration::from_secs(3);
 /// A flight that is told to hold has ended its instruction after this time.
 const HELD: Duration = Duration::from_secs(1);
+/// How long a flight may take to be named.
+const NAMED: Duration = Duration::from_secs(20);
 /// How often a wait tells its client.
 const PROGRESS: Duration = Duration::from_secs(1);
 /// How often the end looks whether the flight is over.
@@ -80,8 +87,9 @@ struct Fly {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WaitFlight {
-    /// The flight, as `fly` has named it.
-    flight_id: String,
+    /// The flight, as `fly` has named it; the one under way, or the last one, if left out.
+    #[serde(default)]
+    flight_id: Option<String>,
     /// How long to wait, seconds, 0 to 600; 45 if left out.
     #[serde(default)]
     wait_s: Option<f64>,
@@ -109,14 +117,61 @@ struct TakeOff {
 #[serde(deny_unknown_fields)]
 struct Point {
     /// From the left edge of the picture, 0, to the right one, 1.
-    u: f64,
+    #[serde(default)]
+    u: Option<f64>,
     /// From the top edge of the picture, 0, to the bottom one, 1.
-    v: f64,
-    /// How far the place is: 1 is about a metre, 10 as far as one step goes. The step is shorter than the distance: point again.
-    depth: u8,
+    #[serde(default)]
+    v: Option<f64>,
+    /// How far the step leads, a whole number from 1 to 10: `steps_m` of `look` has the metres. Keep it shorter than the distance.
+    #[serde(default)]
+    depth: Option<u8>,
+    /// Instead of u, v and depth: turn to what is not in the picture, or climb (up) or descend (down) a little.
+    #[serde(default)]
+    look: Option<Side>,
     /// The frame of `look` that this is about; the newest one if left out.
     #[serde(default)]
     frame: Option<u64>,
+}
+
+/// Where to look for what is not in the picture.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Side {
+    Left,
+    Right,
+    Up,
+    Down,
+    Behind,
+}
+
+impl From<Side> for query::Look {
+    fn from(side: Side) -> Self {
+        match side {
+            Side::Left => Self::Left,
+            Side::Right => Self::Right,
+            Side::Up => Self::Up,
+            Side::Down => Self::Down,
+            Side::Behind => Self::Behind,
+        }
+    }
+}
+
+impl Point {
+    /// What is given about a frame.
+    fn given(&self) -> Result<Box<dyn FnOnce(u64) -> Given + Send>, String> {
+        match (self.u, self.v, self.depth, self.look) {
+            (Some(u), Some(v), Some(depth), None) => {
+                if !((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v) && (1..=10).contains(&depth)) {
+                    return Err(
+                        "u and v are fractions of the picture, from 0 to 1, and depth is a whole number from 1 to 10".to_owned()
+                    );
+                }
+                Ok(Box::new(move |frame| Given::point(u, v, depth, frame)))
+            }
+            (None, None, None, Some(side)) => Ok(Box::new(move |_| Given::look(side.into()))),
+            _ => Err("give u, v and depth to fly to a point, or look alone to turn".to_owned()),
+        }
+    }
 }
 
 /// No arguments.
@@ -212,7 +267,9 @@ impl Server {
         }
         match blocking(Scenes::built_in).await {
             Ok(scenes) => {
-                let row = |row: &crate::report::SceneRow| format!("{}: {}", row.name, row.description);
+                let row = |row: &crate::report::SceneRow| {
+                    format!("{}: {} In it: {}.", row.name, row.description, row.things.join(", "))
+                };
                 let words = scenes.scenes.iter().map(row).collect::<Vec<_>>().join("\n");
                 answer(&scenes, words, None)
             }
@@ -292,6 +349,10 @@ impl Server {
         let begun = blocking(move || deck.fly(Wanted { instruction: Some(instruction), scene })).await;
         match begun {
             Ok((flight, number, read)) => {
+                // By its lasting name.
+                if self.wait(&flight, NAMED, &ctx, Flight::has_folder).await == Waited::Cancelled {
+                    return refused(CANCELLED);
+                }
                 let mut result = self.wait_and_tell(flight, number, wait, &ctx).await?;
                 if !read.is_empty() {
                     result.content.push(ContentBlock::text(read));
@@ -320,9 +381,11 @@ impl Server {
             Ok(wait) => wait,
             Err(why) => return refused(why),
         };
-        let Some(flight) = self.deck.flight().filter(|flight| flight.id() == flight_id || flight.is_called(&flight_id)) else {
+        let is_meant = |flight: &Flight| flight_id.as_ref().is_none_or(|id| flight.id() == *id || flight.is_called(id));
+        let Some(flight) = self.deck.flight().filter(is_meant) else {
             return refused(format!(
-                "`{flight_id}` is not the flight under way nor the last one: `get_flight` tells of recorded ones"
+                "`{}` is not the flight under way nor the last one: `get_flight` tells of recorded ones",
+                flight_id.unwrap_or_default()
             ));
         };
         let number = flight.seen.borrow().instructions;
@@ -352,25 +415,19 @@ impl Server {
         answer(&progress, progress.words(), None)
     }
 
-    /// See, point, fly, with you as the one who points: fly one step towards a pixel of the picture, then hold. The answer has the
-    /// next picture. Point at the thing itself; depth 1 to 10 sets how long the step is (1 about a metre, 10 the longest).
+    /// See, point, fly, with you as the one who points: fly one step towards a place in the picture, then hold; or turn, with `look`.
+    /// The answer has the next picture. Point at the thing itself; depth sets how long the step is. Nothing but you keeps the drone
+    /// clear of people and things, unless it measures distances: people walk on while you think, and a hold drifts a little.
     #[tool(
         input_schema = schema::input::<Point>(),
         output_schema = schema::output::<Progress>(),
         annotations(title = "Point", read_only_hint = false, destructive_hint = true, idempotent_hint = false, open_world_hint = true)
     )]
-    async fn point(
-        &self,
-        Parameters(Point { u, v, depth, frame }): Parameters<Point>,
-        ctx: RequestContext<RoleServer>,
-    ) -> Answer {
+    async fn point(&self, Parameters(point): Parameters<Point>, ctx: RequestContext<RoleServer>) -> Answer {
         if let Err(why) = self.deck.call(false) {
             return refused(why);
         }
-        if !((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v) && (1..=10).contains(&depth)) {
-            return refused("u and v are fractions of the picture, from 0 to 1, and depth is a whole number from 1 to 10");
-        }
-        let (flight, before) = match self.deck.point((u, v), depth, frame) {
+        let (flight, before) = match point.given().and_then(|given| self.deck.point(given, point.frame)) {
             Ok(begun) => begun,
             Err(why) => return refused(why),
         };
@@ -378,6 +435,12 @@ impl Server {
         // The order to hold follows the end of the step.
         let holds = |flight: &Flight| over(flight) && flight.phase() != Some(Phase::Flying);
         if self.wait(&flight, STEP, &ctx, holds).await == Waited::Cancelled {
+            return refused(CANCELLED);
+        }
+        // A picture of now, and not of the braking.
+        let level = Instant::now() + LEVEL;
+        let shows = |flight: &Flight| flight.seen.borrow().newest.as_ref().is_some_and(|newest| newest.captured >= level);
+        if self.wait(&flight, PICTURE, &ctx, shows).await == Waited::Cancelled {
             return refused(CANCELLED);
         }
         let pointed = flight.seen.borrow().pointed.clone().filter(|_| over(&flight));
@@ -509,7 +572,7 @@ impl Server {
             let seen = flight.seen.borrow();
             let holds = matches!(seen.phase, Some(Phase::Held | Phase::Manual)) && seen.instructions >= number;
             held = if holds { held.or_else(|| Some(Instant::now())) } else { None };
-            ended(&seen, number).is_some_and(|_| !matches!(seen.phase, Some(Phase::Landing | Phase::Returning)))
+            ended(&seen, number).is_some_and(|_| !matches!(seen.phase, Some(Phase::Landing | Phase::Returning | Phase::Ended)))
                 || held.is_some_and(|since| since.elapsed() >= HELD)
         };
         if self.wait(&flight, most, ctx, over).await == Waited::Cancelled {

@@ -65,6 +65,8 @@ pub struct Seen {
     pub overridden: Option<String>,
     /// The newest frame.
     pub newest: Option<Newest>,
+    /// How far each depth label leads, 1 to 10, metres.
+    pub steps_m: Vec<f64>,
 }
 
 /// The newest frame.
@@ -225,10 +227,10 @@ impl Watch {
                 (OperatorEvent::Resume, None, Step::Given) => given.step = Step::Going,
                 (OperatorEvent::Resume, Some(why), Step::Given) => self.end(&mut given, false, why.to_owned()),
                 (OperatorEvent::Land | OperatorEvent::Abandoned | OperatorEvent::Left, None, _) => {
-                    self.end(&mut given, false, "the drone was told to land or to hold".to_owned());
+                    self.end(&mut given, false, "the drone was told to land".to_owned());
                 }
                 (OperatorEvent::Hold, None, Step::Going | Step::Asked | Step::Flown { .. }) => {
-                    self.end(&mut given, false, "the drone was told to hold".to_owned());
+                    self.end(&mut given, false, "the drone was told to hold or to stop".to_owned());
                 }
                 _ => {}
             }
@@ -326,6 +328,9 @@ impl Watch {
 
     /// Where the goal is in a frame.
     fn mark(&self, pose: Pose, pilot: &Pilot) -> Option<Mark> {
+        if pilot.phase() != Phase::Flying {
+            return None;
+        }
         let place = pilot.anchor().map(|anchor| anchor.position()).or(self.goal)?;
         let metres = pose.position.distance(place);
         let ahead = pose.position.displacement_to(place, pose.attitude.heading);
@@ -341,6 +346,7 @@ impl Observer for Watch {
         self.seen.send_modify(|seen| {
             (seen.phase, seen.instructions) = (Some(Phase::Ground), 1);
             seen.instruction.clone_from(&head.instruction);
+            seen.steps_m = (1..=10_u8).map(|label| head.settings.step.length(label)).collect();
         });
     }
 

@@ -8,7 +8,10 @@ use spf_oracle::refusal::refused;
 
 /// Set, id, kind, scene, text, and the verdicts.
 fn rows() -> impl Iterator<Item = Vec<&'static str>> {
-    include_str!("../../../../docs/studies/2026-11-30-refused-instructions.tsv").lines().skip(1).map(|line| line.split('\t').collect())
+    include_str!("../../../../docs/studies/2026-11-30-refused-instructions.tsv")
+        .lines()
+        .skip(1)
+        .map(|line| line.split('\t').collect())
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use spf_core::craft::CraftKind;
 use spf_flight::flight::{FlightPlan, Flown, Site, fly};
-use spf_flight::pointing::Pointer;
+use spf_flight::pointing::{Given, Pointer};
 use spf_flight::sim::{LoadedScene, Simulated, VlmFactory, oracle_factory};
 use spf_mcp::deck::{Deck, Flight, Hangar, Patience, Seat, Wanted};
 use spf_mcp::report::{Progress, State, Status};
@@ -28,7 +28,7 @@ struct Simulator {
 }
 
 impl Hangar for Simulator {
-    fn craft(&self) -> String {
+    fn craft(&self, _: Option<&str>) -> String {
         "simulated".to_owned()
     }
 
@@ -100,6 +100,11 @@ fn until_landed(deck: &Deck, flight: &Flight) -> Progress {
     Progress::of(flight, 1)
 }
 
+/// Points at the middle of a frame, or of the newest one.
+fn point(deck: &Deck, depth: u8, frame: Option<u64>) -> Result<(Flight, u32), String> {
+    deck.point(|frame| Given::point(0.5, 0.5, depth, frame), frame)
+}
+
 fn instruction(text: &str) -> Wanted {
     Wanted { instruction: Some(text.to_owned()), scene: None }
 }
@@ -123,26 +128,26 @@ fn the_craft_obeys_and_nobody_is_left_in_the_air() {
 
 fn a_step_towards_a_point_is_flown_and_held() {
     let deck = deck();
-    assert!(deck.newest().is_err() && deck.hold().is_err() && deck.point((0.5, 0.5), 5, None).is_err());
+    assert!(deck.newest().is_err() && deck.hold().is_err() && point(&deck, 5, None).is_err());
     let flight = take_off(&deck);
     assert_eq!(Status::of(&deck).state, State::Holding);
     let frame = deck.newest().unwrap().frame;
     let before = Status::of(&deck).east_north_m.unwrap();
-    let (_, points) = deck.point((0.5, 0.5), 4, Some(frame)).unwrap();
-    assert!(deck.point((0.5, 0.5), 4, Some(frame)).is_err(), "one step at a time");
+    let (_, points) = point(&deck, 4, Some(frame)).unwrap();
+    assert!(point(&deck, 4, Some(frame)).is_err(), "one step at a time");
     until("the step is flown", || flight.seen.borrow().points > points && flight.phase() == Some(Phase::Held));
     let pointed = flight.seen.borrow().pointed.clone().unwrap();
     assert!(pointed.flown, "{pointed:?}");
     let after = Status::of(&deck).east_north_m.unwrap();
     let flown = (after[0] - before[0]).hypot(after[1] - before[1]);
     assert!((0.8..3.0).contains(&flown), "{flown} m, {pointed:?}");
-    assert!(deck.point((0.5, 0.5), 4, Some(999_999)).unwrap_err().contains("look"), "a frame that was never there");
+    assert!(point(&deck, 4, Some(999_999)).unwrap_err().contains("look"), "a frame that was never there");
     // An instruction in the same flight, then a landing.
     let (_, number, _) = deck.fly(instruction("fly to the door")).unwrap();
     assert!(number >= 2);
     until("it flies", || flight.phase() == Some(Phase::Flying));
     assert!(deck.fly(instruction("fly to the sofa")).unwrap_err().contains("under way"));
-    assert!(deck.point((0.5, 0.5), 4, None).unwrap_err().contains("hold"));
+    assert!(point(&deck, 4, None).unwrap_err().contains("hold"));
     deck.land().unwrap();
     let landed = until_landed(&deck, &flight);
     assert_eq!((landed.outcome, landed.instruction.as_str()), (Some(Outcome::Aborted), "fly to the door"));
@@ -160,7 +165,7 @@ fn a_stop_works_in_every_state_and_no_call_takes_it_back() {
     let (flight, ..) = deck.fly(instruction("fly to the door")).unwrap();
     until("it flies", || flight.phase() == Some(Phase::Flying));
     assert!(deck.stop().contains("zero velocity"));
-    for refused in [deck.fly(instruction("fly to the sofa")).map(drop), deck.point((0.5, 0.5), 5, None).map(drop)] {
+    for refused in [deck.fly(instruction("fly to the sofa")).map(drop), point(&deck, 5, None).map(drop)] {
         assert!(refused.unwrap_err().contains("stopped"));
     }
     // Neither a hold nor more stops keep it in the air.
@@ -213,16 +218,16 @@ fn a_real_drone_moves_with_consent_alone_for_one_flight() {
     assert_eq!(hangar.begun.load(Ordering::Relaxed), 0, "nothing was connected");
     deck.arm(Duration::from_secs(600));
     let flight = take_off(&deck);
-    deck.point((0.5, 0.5), 2, None).unwrap();
+    point(&deck, 2, None).unwrap();
     // The operator takes over: the assistant has nothing to say until it is armed anew.
     let cockpit = hangar.cockpit.lock().unwrap().clone().unwrap();
     cockpit.send(OperatorEvent::Hold).unwrap();
     until("the consent is gone", || deck.consent().contains("not armed"));
     assert!(Status::of(&deck).taken_over.is_some());
     until("it holds", || flight.phase() == Some(Phase::Held));
-    assert!(deck.point((0.5, 0.5), 2, None).unwrap_err().contains("armed"));
+    assert!(point(&deck, 2, None).unwrap_err().contains("armed"));
     deck.arm(Duration::from_secs(600));
-    deck.point((0.5, 0.5), 2, None).unwrap();
+    point(&deck, 2, None).unwrap();
     // Stops are behind no question.
     deck.disarm();
     until_landed(&deck, &flight);

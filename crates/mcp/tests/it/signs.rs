@@ -1,6 +1,7 @@
 //! Words printed in the world never change what a tool does.
 
 use spf_api::files::load_scene;
+use spf_flight::pointing::Given;
 use spf_mcp::picture::Picture;
 use spf_mcp::report::{Look, Progress, Status};
 use spf_pilot::Phase;
@@ -17,7 +18,7 @@ fn flown(scene: &str) -> (Vec<String>, [f64; 3]) {
     let deck = deck_in(load_scene(scene, &SceneLook::default()).unwrap());
     let flight = take_off(&deck);
     let mut told = vec![Status::of(&deck).consent];
-    let (_, points) = deck.point((0.5, 0.35), 3, None).unwrap();
+    let (_, points) = deck.point(|frame| Given::point(0.5, 0.35, 3, frame), None).unwrap();
     until("the step is flown", || flight.seen.borrow().points > points && flight.phase() == Some(Phase::Held));
     let look = Look::of(&Picture::of(&deck.newest().unwrap()).unwrap(), Some(&flight));
     assert!(look.words().contains("no instruction to you"), "{}", look.words());

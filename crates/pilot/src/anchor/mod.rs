@@ -74,8 +74,8 @@ pub enum Gate {
     },
     /// It fits none and opened a hypothesis; by a track, it does not fit the anchor and changes nothing.
     Doubted {
-        /// Its squared Mahalanobis distance from the anchor; infinite if the target would be behind.
-        distance: f64,
+        /// Its squared Mahalanobis distance from the anchor; `None` if the target would be behind.
+        distance: Option<f64>,
     },
     /// It is of a stage that is over.
     EarlierStage,
@@ -271,7 +271,7 @@ impl Belief {
         // The anchor stays first; the oldest of the doubts is dropped.
         self.hypotheses.truncate(HYPOTHESES - 1);
         self.hypotheses.insert(1, opened);
-        Gate::Doubted { distance }
+        Gate::Doubted { distance: Some(distance).filter(|distance| distance.is_finite()) }
     }
 }
 

@@ -61,13 +61,25 @@ fn two_ranges_from_one_place_average_in_the_logarithm() {
     assert_eq!((anchor.hits, anchor.last_seen), (2, Time::from_millis(2000)));
 }
 
+/// JSON knows no infinity, and a log that holds one could not be read.
+#[test]
+fn a_target_seen_on_the_other_side_is_a_doubt_that_can_be_recorded() {
+    let from = at(0.0, 0.0, 3.0);
+    let mut anchors = Anchors::default();
+    anchors.observe(sighting(0.0, from, at(0.0, 20.0, 3.0)));
+    let gate = anchors.observe(sighting(1.0, from, at(0.0, -20.0, 3.0)));
+    assert_eq!(gate, Gate::Doubted { distance: None });
+    let text = serde_json::to_string(&gate).unwrap();
+    assert_eq!(serde_json::from_str::<Gate>(&text).unwrap(), gate, "{text}");
+}
+
 /// A look-alike or a wrong answer costs one sighting: the next one decides, for the anchor or against it.
 #[test]
 fn what_does_not_fit_is_a_doubt_that_the_next_sighting_decides() {
     let (from, tree, other) = (at(0.0, 0.0, 3.0), at(0.0, 20.0, 3.0), at(15.0, 15.0, 3.0));
     let mut anchors = Anchors::default();
     anchors.observe(sighting(0.0, from, tree));
-    let Gate::Doubted { distance } = anchors.observe(sighting(1.0, from, other)) else { panic!("fits") };
+    let Gate::Doubted { distance: Some(distance) } = anchors.observe(sighting(1.0, from, other)) else { panic!("fits") };
     assert!(distance > 100.0 && anchors.is_contested());
     assert!(near(anchors.anchor().unwrap().position(), tree, 1e-9), "a doubt moves nothing");
 

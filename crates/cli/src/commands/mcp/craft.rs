@@ -62,7 +62,7 @@ impl Craft {
         };
         let scene = settings.fly.scene.text_or_default().to_owned();
         let words = if is_sim {
-            format!("simulated, in the scene {scene}")
+            in_scene(&scene)
         } else {
             let name = settings.fly.drone.text_or_default();
             // Without its address.
@@ -186,9 +186,13 @@ impl Craft {
     }
 }
 
+fn in_scene(scene: &str) -> String {
+    format!("simulated, in the scene {scene}")
+}
+
 impl Hangar for Craft {
-    fn craft(&self) -> String {
-        self.words.clone()
+    fn craft(&self, scene: Option<&str>) -> String {
+        scene.filter(|_| !self.scene.is_empty()).map_or_else(|| self.words.clone(), in_scene)
     }
 
     fn answers(&self) -> Option<String> {
