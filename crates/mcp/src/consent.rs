@@ -59,6 +59,13 @@ impl Consent {
         }
     }
 
+    /// Whether a flight may begin, or the one under way go on; `true` for a simulated craft.
+    #[must_use]
+    pub fn is_armed(&self, now: Instant) -> bool {
+        let Some(given) = self.given() else { return true };
+        matches!(*given, Given::Armed { until } | Given::Used { until } if now < until)
+    }
+
     /// Takes the consent for a flight that begins.
     ///
     /// # Errors

@@ -287,6 +287,12 @@ impl Deck {
         self.consent.words(Instant::now())
     }
 
+    /// Whether the operator's consent lets the assistant fly now; `true` for a simulated craft.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.consent.is_armed(Instant::now())
+    }
+
     /// The flight under way, or the last one.
     #[must_use]
     pub fn flight(&self) -> Option<Flight> {

@@ -1,5 +1,6 @@
 //! The protocol: tools, prompts and resources, by standard input and output or by HTTP.
 
+mod asking;
 mod http;
 mod resources;
 mod schema;
@@ -11,10 +12,11 @@ use std::time::{Duration, Instant};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use rmcp::handler::server::router::tool::ToolRouter;
+use rmcp::handler::server::tool::{InputResponses, RequestState};
 use rmcp::handler::server::wrapper::Parameters;
 use rmcp::model::{
-    CallToolResult, ContentBlock, ListResourcesResult, PaginatedRequestParams, ProgressNotificationParam, PromptMessage,
-    ReadResourceRequestParams, ReadResourceResponse, Role, ServerCapabilities, ServerConfig,
+    CallToolResponse, CallToolResult, ContentBlock, ListResourcesResult, PaginatedRequestParams, ProgressNotificationParam,
+    PromptMessage, ReadResourceRequestParams, ReadResourceResponse, Role, ServerCapabilities, ServerConfig,
 };
 use rmcp::schemars::JsonSchema;
 use rmcp::service::RequestContext;
@@ -26,6 +28,7 @@ use spf_core::query;
 use spf_flight::pointing::Given;
 use spf_pilot::Phase;
 
+use self::asking::{Asked, Asking};
 pub use self::http::{Secret, serve_http, url};
 use crate::deck::{Deck, Flight, Wanted, ended};
 use crate::picture::Picture;
@@ -67,6 +70,8 @@ pub struct Server {
     folder: Arc<PathBuf>,
     /// The scene of the settings; `None` for a real craft.
     scene: Option<Arc<str>>,
+    /// The consent that is asked for in the client; `None` if it is not.
+    asking: Option<Arc<Asking>>,
 }
 
 /// Arguments of `fly`.
@@ -187,6 +192,7 @@ struct What {
 }
 
 type Answer = Result<CallToolResult, ErrorData>;
+type Response = Result<CallToolResponse, ErrorData>;
 
 /// A structure beside the same in words, and perhaps a picture.
 fn answer(structure: &impl Serialize, words: String, picture: Option<&Picture>) -> Answer {
@@ -218,7 +224,13 @@ impl Server {
     /// A server of this deck. `folder` is where flights are recorded; `scene` is that of the settings, `None` for a real craft.
     #[must_use]
     pub fn new(deck: Arc<Deck>, folder: PathBuf, scene: Option<&str>) -> Self {
-        Self { deck, folder: Arc::new(folder), scene: scene.map(Arc::from) }
+        Self { deck, folder: Arc::new(folder), scene: scene.map(Arc::from), asking: None }
+    }
+
+    /// The same, which asks for the operator's consent in the client too, where that asks its user.
+    #[must_use]
+    pub fn asking_in_the_client(self) -> Self {
+        Self { asking: Some(Arc::default()), ..self }
     }
 
     /// The camera's newest picture, its age, and what is marked on it. Point in this picture by fractions: u from the left, v from
@@ -331,35 +343,14 @@ impl Server {
     )]
     async fn fly(
         &self,
-        Parameters(Fly { instruction, wait_s, scene }): Parameters<Fly>,
+        Parameters(fly): Parameters<Fly>,
+        RequestState(state): RequestState,
+        InputResponses(answers): InputResponses,
         ctx: RequestContext<RoleServer>,
-    ) -> Answer {
-        if let Err(why) = self.deck.call(false) {
-            return refused(why);
-        }
-        let (wait, deck) = (waiting(wait_s), self.deck.clone());
-        let wait = match wait {
-            Ok(wait) => wait,
-            Err(why) => return refused(why),
-        };
-        let instruction = match spf_api::flight::checked_instruction(&instruction) {
-            Ok(instruction) => instruction.to_owned(),
-            Err(error) => return refused(error.to_string()),
-        };
-        let begun = blocking(move || deck.fly(Wanted { instruction: Some(instruction), scene })).await;
-        match begun {
-            Ok((flight, number, read)) => {
-                // By its lasting name.
-                if self.wait(&flight, NAMED, &ctx, Flight::has_folder).await == Waited::Cancelled {
-                    return refused(CANCELLED);
-                }
-                let mut result = self.wait_and_tell(flight, number, wait, &ctx).await?;
-                if !read.is_empty() {
-                    result.content.push(ContentBlock::text(read));
-                }
-                Ok(result)
-            }
-            Err(why) => refused(why),
+    ) -> Response {
+        match self.consent(&format!("fly {fly:?}"), state.as_deref(), answers.as_ref(), &ctx) {
+            Some(other) => other,
+            None => self.flown(fly, &ctx).await.map(Into::into),
         }
     }
 
@@ -398,21 +389,17 @@ impl Server {
         output_schema = schema::output::<Progress>(),
         annotations(title = "Take off", read_only_hint = false, destructive_hint = true, idempotent_hint = false, open_world_hint = true)
     )]
-    async fn take_off(&self, Parameters(TakeOff { scene }): Parameters<TakeOff>, ctx: RequestContext<RoleServer>) -> Answer {
-        if let Err(why) = self.deck.call(false) {
-            return refused(why);
+    async fn take_off(
+        &self,
+        Parameters(take_off): Parameters<TakeOff>,
+        RequestState(state): RequestState,
+        InputResponses(answers): InputResponses,
+        ctx: RequestContext<RoleServer>,
+    ) -> Response {
+        match self.consent(&format!("take_off {take_off:?}"), state.as_deref(), answers.as_ref(), &ctx) {
+            Some(other) => other,
+            None => self.taken_off(take_off, &ctx).await.map(Into::into),
         }
-        let deck = self.deck.clone();
-        let flight = match blocking(move || deck.fly(Wanted { instruction: None, scene })).await {
-            Ok((flight, ..)) => flight,
-            Err(why) => return refused(why),
-        };
-        let airborne = |flight: &Flight| !matches!(flight.phase(), None | Some(Phase::Ground | Phase::TakeOff));
-        if self.wait(&flight, TAKE_OFF, &ctx, airborne).await == Waited::Cancelled {
-            return refused(CANCELLED);
-        }
-        let progress = Progress::of(&flight, 1);
-        answer(&progress, progress.words(), None)
     }
 
     /// See, point, fly, with you as the one who points: fly one step towards a place in the picture, then hold; or turn, with `look`.
@@ -512,6 +499,78 @@ async fn blocking<T: Send + 'static>(work: impl FnOnce() -> Result<T, String> + 
 }
 
 impl Server {
+    /// Answers a call that needs the operator's consent with a question to the user, where the client can ask and nobody has armed the
+    /// assistant; `None` if the call goes on.
+    fn consent(
+        &self,
+        call: &str,
+        state: Option<&str>,
+        answers: Option<&rmcp::model::InputResponses>,
+        ctx: &RequestContext<RoleServer>,
+    ) -> Option<Response> {
+        let asking = self.asking.as_ref()?;
+        if self.deck.is_armed() || self.deck.is_flying() {
+            return None;
+        }
+        let asks = ctx.meta.client_capabilities().is_some_and(|client| client.elicitation.is_some());
+        // Older revisions know no such answer: their clients are told of the other ways.
+        if !asks || ctx.protocol_version().is_none_or(|version| version.has_initialize()) {
+            return None;
+        }
+        match asking.ask(&self.deck, call, state, answers) {
+            Asked::Armed => None,
+            Asked::Ask(question) => Some(Ok(question)),
+            Asked::Refused(why) => Some(refused(why).map(Into::into)),
+        }
+    }
+
+    async fn flown(&self, Fly { instruction, wait_s, scene }: Fly, ctx: &RequestContext<RoleServer>) -> Answer {
+        if let Err(why) = self.deck.call(false) {
+            return refused(why);
+        }
+        let (wait, deck) = (waiting(wait_s), self.deck.clone());
+        let wait = match wait {
+            Ok(wait) => wait,
+            Err(why) => return refused(why),
+        };
+        let instruction = match spf_api::flight::checked_instruction(&instruction) {
+            Ok(instruction) => instruction.to_owned(),
+            Err(error) => return refused(error.to_string()),
+        };
+        let begun = blocking(move || deck.fly(Wanted { instruction: Some(instruction), scene })).await;
+        match begun {
+            Ok((flight, number, read)) => {
+                // By its lasting name.
+                if self.wait(&flight, NAMED, ctx, Flight::has_folder).await == Waited::Cancelled {
+                    return refused(CANCELLED);
+                }
+                let mut result = self.wait_and_tell(flight, number, wait, ctx).await?;
+                if !read.is_empty() {
+                    result.content.push(ContentBlock::text(read));
+                }
+                Ok(result)
+            }
+            Err(why) => refused(why),
+        }
+    }
+
+    async fn taken_off(&self, TakeOff { scene }: TakeOff, ctx: &RequestContext<RoleServer>) -> Answer {
+        if let Err(why) = self.deck.call(false) {
+            return refused(why);
+        }
+        let deck = self.deck.clone();
+        let flight = match blocking(move || deck.fly(Wanted { instruction: None, scene })).await {
+            Ok((flight, ..)) => flight,
+            Err(why) => return refused(why),
+        };
+        let airborne = |flight: &Flight| !matches!(flight.phase(), None | Some(Phase::Ground | Phase::TakeOff));
+        if self.wait(&flight, TAKE_OFF, ctx, airborne).await == Waited::Cancelled {
+            return refused(CANCELLED);
+        }
+        let progress = Progress::of(&flight, 1);
+        answer(&progress, progress.words(), None)
+    }
+
     fn ordered(&self, order: impl FnOnce(&Deck) -> Result<String, String>) -> Answer {
         match Ordered::new(&self.deck, || order(&self.deck)) {
             Ok(ordered) => answer(&ordered, ordered.done.clone(), None),

@@ -29,6 +29,9 @@ pub(crate) struct Mcp {
     /// Serve by HTTP at this address of this machine instead; the token is printed, or is that of SPF_MCP_TOKEN
     #[arg(long, value_name = "ADDR:PORT")]
     pub(crate) http: Option<SocketAddr>,
+    /// Ask for the operator's consent in the client too, where that asks its user; know that yours shows the question to a person
+    #[arg(long)]
+    pub(crate) ask_in_client: bool,
     #[command(flatten)]
     pub(crate) settings: Flags<OfFlight>,
     #[command(flatten)]

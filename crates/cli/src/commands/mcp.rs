@@ -43,6 +43,7 @@ pub(crate) fn mcp(args: &Mcp, printer: &Printer) -> Result<Exit, CliError> {
     craft.let_arm(&deck);
     let desk = real.then(|| arm::Desk::open(&deck, &craft.in_words())).transpose()?;
     let server = Server::new(deck.clone(), folder, craft.scene());
+    let server = if args.ask_in_client { server.asking_in_the_client() } else { server };
     craft.greeting().iter().for_each(|line| printer.log(line));
     let count = interrupts()?;
     let served = match args.http {
