@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use regex_lite::Regex;
 use serde::Deserialize;
 
-/// `data/refusal.toml`.
+/// `refusal.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -33,7 +33,7 @@ struct Rules {
 
 static RULES: LazyLock<Rules> = LazyLock::new(|| {
     let file: File =
-        toml::from_str(include_str!("../data/refusal.toml")).expect("the embedded lists are valid; a test reads them");
+        toml::from_str(include_str!("refusal.toml")).expect("the embedded lists are valid; a test reads them");
     let any = |patterns: &[String]| {
         let filled = patterns.join("|").replace("{people}", &file.people).replace("{body}", &file.body);
         Regex::new(&format!(r"\b(?:{filled})(?:\b|$)")).expect("the embedded patterns are valid; a test reads them")

@@ -24,6 +24,8 @@ mod log;
 #[cfg(unix)]
 mod manual;
 mod mavlink;
+#[cfg(feature = "mcp")]
+mod mcp;
 mod operator;
 mod python;
 mod scenes;

@@ -210,6 +210,15 @@ class Wire:
     def call(self, tool, **arguments):
         return self.ask("tools/call", {"name": tool, "arguments": arguments})["result"]
 
+    def until(self, state):
+        """The status in which the craft is in this state. More than a few calls per second are refused."""
+        def look():
+            time.sleep(0.2)
+            status = self.call("status").get("structuredContent", {})
+            return status if status.get("state") == state else None
+
+        return wait(look, state)
+
 
 def clients():
     """By both revisions and both transports: the same tools, and a flight with all of them."""
@@ -255,23 +264,24 @@ def fulfilled():
     chair = "go to the blue chair"
     flight = assistant.call("fly", instruction=chair, wait_s=90)
     assert flight.ended and flight.outcome == "reached" and flight.state == "hovering", flight.words
-    assistant.call("fly", instruction=chair, wait_s=0)
-    asked(assistant)
+    begun = asked_beside(assistant, "fly", instruction=chair, wait_s=0)
+    assert not begun.refused, begun.words
     # Again, and without being held by what was asked.
     again = assistant.call("wait_flight", flight_id=flight.flight_id, wait_s=90)
     assert again.ended and again.outcome == "reached" and again.decisions > flight.decisions, again.words
-    assistant.call("land")
-    asked(assistant)
+    asked_beside(assistant, "land")
     down = assistant.call("wait_flight", flight_id=flight.flight_id)
     assert down.state == "on_ground" and down.outcome == "reached" and down.verified, down.words
     assistant.end()
     return [list(assistant.tools)]
 
 
-def asked(assistant):
-    """How is it? Several times at once."""
-    for call in [assistant.start("status") for _ in range(4)]:
-        call.result(60)
+def asked_beside(assistant, tool, **arguments):
+    """What a call answers beside which others ask how it is."""
+    call, *asked = [assistant.start(tool, **arguments), *(assistant.start("status") for _ in range(6))]
+    for status in asked:
+        status.result(60)
+    return assistant.answer(tool, call.result(60))
 
 
 def described(assistant):
@@ -456,8 +466,7 @@ def leaves():
         wire = Wire(*OFFICE, "--out", name)
         assert not wire.call("take_off")["isError"]
         wire.request("tools/call", {"name": "fly", "arguments": {"instruction": PERSON, "wait_s": 300}})
-        status = lambda: wire.call("status")["structuredContent"]
-        before = wait(lambda: (time.sleep(0.2), status())[1].get("state") == "flying" and status(), "a flight that flies")
+        before = wire.until("flying")
         leave(wire)
         code = wire.process.wait(120)
         [flight] = pathlib.Path(name).iterdir()
@@ -497,7 +506,9 @@ def strangers():
     # A token of the user's own is not printed.
     own = "a-token-of-my-own"
     server = Program("mcp", "--http", "127.0.0.1:0", *OFFICE, ready=r"MCP: (http\S+)", env={"SPF_MCP_TOKEN": own})
-    assert by_http(SimpleNamespace(url=server.url, token=own)).call("status").state == "on_ground"
+    assistant = by_http(SimpleNamespace(url=server.url, token=own))
+    assert assistant.call("status").state == "on_ground"
+    assistant.end()
     assert server.end() == 0 and not any(own in line or "Token" in line for line in server.lines), server.lines
 
 
@@ -578,7 +589,7 @@ def fuzz():
     assert SECRET not in json.dumps(list(wire.answers.values()), ensure_ascii=False), "a file outside was read"
     # The way to what may be read is open.
     assert "of ours" in json.dumps(wire.ask("resources/read", {"uri": "spf://flights/ours/summary.json"}))
-    wait(lambda: (time.sleep(0.2), wire.call("status"))[1].get("structuredContent", {}).get("state") == "on_ground", "the ground")
+    wire.until("on_ground")
     wire.process.stdin.close()
     assert wire.process.wait(60) == 0 and not any("panicked" in line for line in wire.told), wire.told[-5:]
     print(f"fuzz: {dict(counts)} in {time.monotonic() - began:.0f} s")

@@ -513,7 +513,11 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../drone/src/mavlink/vehicle/clock.rs"),
         include_str!("../../../drone/src/mavlink/vehicle/tests.rs"),
         include_str!("../../../drone/src/mavlink/vehicle/tests/letting_go.rs"),
+        include_str!("../../../bench/tests/all/refusals.rs"),
         include_str!("../../../bench/tests/all/signs.rs"),
+        include_str!("../../../mcp/src/consent.rs"),
+        include_str!("../../../mcp/tests/it/deck.rs"),
+        include_str!("../../../oracle/src/refusal.rs"),
         include_str!("../../../core/src/prompt/mod.rs"),
         include_str!("../../../drone/src/frames/usable/tests.rs"),
         include_str!("../../../drone/src/tello/camera/tests.rs")
