@@ -201,7 +201,7 @@ impl Controls {
     }
 
     /// Carries out an order that has arrived from a page, with its number and the last beat that the page had seen; one that comes
-    /// late or out of order is dropped. Orders to hold and to land count whenever they come.
+    /// late or out of order is dropped. Orders to hold, to land and to disarm count whenever they come.
     pub(crate) fn receive(&self, number: u64, id: u64, tick: Option<u64>, order: &Order, now: Instant) -> Result<String, String> {
         let (judged, flies) = {
             let mut inner = self.inner();
@@ -209,7 +209,7 @@ impl Controls {
             (judged, inner.pilot == Some(number))
         };
         match judged {
-            Err(why) if !matches!(order, Order::Hold | Order::Land) => {
+            Err(why) if !matches!(order, Order::Hold | Order::Land | Order::Assistant(0)) => {
                 let told = format!("{} dropped: {why}", order.words());
                 // A held key repeats it ten times a second.
                 if flies && !matches!(order, Order::Fly { .. }) {

@@ -59,6 +59,8 @@ struct Inner {
     camera: Option<Camera>,
     /// Whether a person answers every query.
     human: bool,
+    /// Whether queries wait for a point, whoever else could answer.
+    alone: bool,
     phase: Option<Phase>,
     poses: VecDeque<(FrameId, Pose)>,
     asked: VecDeque<(FrameId, Pose)>,
@@ -150,7 +152,7 @@ impl Pointing {
 
     /// Somebody answers every query from now on, or no longer: without a correction, queries wait.
     pub fn answer_all(&self, all: bool) {
-        self.inner().human = all;
+        self.inner().alone = all;
     }
 
     /// A frame is asked about.
@@ -225,6 +227,11 @@ impl Pointing {
         }
         inner.correction = Some((given, Instant::now()));
         Ok(())
+    }
+
+    /// A correction that no query has taken yet is none any more.
+    pub fn withdraw(&self) {
+        self.inner().correction = None;
     }
 
     /// A correction that waits, as an answer about this frame.
@@ -324,7 +331,7 @@ impl Vlm for Pointer {
         let points = matches!(request.query.kind, QueryKind::Point { .. });
         let corrected = if points { self.shared.take_correction(request.query.frame) } else { None };
         let grounding = self.image_spec(image.size()).grounding;
-        let waits = self.shared.inner().human;
+        let waits = self.shared.inner().alone;
         let pointed = match (corrected, &mut self.other) {
             (Some(pointed), _) => Ok(pointed),
             (None, Some(other)) if !waits => return other.answer(request, image),

@@ -103,6 +103,15 @@ impl Consent {
         over
     }
 
+    /// The flight did not take place: its consent is for another one.
+    pub fn give_back(&self) {
+        if let Some(mut given) = self.given()
+            && let Given::Used { until } = *given
+        {
+            *given = Given::Armed { until };
+        }
+    }
+
     /// The flight is over, and its consent with it.
     pub fn end(&self) {
         if let Some(mut given) = self.given()
@@ -159,6 +168,10 @@ mod tests {
         consent.begin(now).unwrap();
         consent.end();
         assert!(consent.begin(now).is_err() && consent.go_on(now).is_err());
+        consent.arm(MINUTE, false, now);
+        consent.begin(now).unwrap();
+        consent.give_back();
+        consent.begin(now).unwrap();
         consent.arm(MINUTE, false, now);
         consent.revoke();
         assert!(consent.begin(now).is_err());

@@ -18,6 +18,8 @@ use tokio::sync::watch;
 use crate::consent::Consent;
 use crate::watch::{Newest, Orders, Seen, Watch};
 
+/// The hover at the end of an instruction lasts a minute: before it is over, it becomes a hold if somebody has called.
+const HOVERS: Duration = Duration::from_secs(50);
 /// How often the deck looks at the time.
 const TICK: Duration = Duration::from_millis(100);
 /// Calls per second that are carried out in the long run, and at once.
@@ -54,7 +56,7 @@ pub trait Hangar: Send + Sync + 'static {
     /// Whether the craft is real, and moves only after the operator has armed the assistant.
     fn is_real(&self) -> bool;
 
-    /// How an instruction is read, if that is known before the flight.
+    /// How an instruction is read, if that is known before the flight. It may take as long as a model does.
     ///
     /// # Errors
     /// Why it cannot be flown.
@@ -191,6 +193,16 @@ impl Flight {
         }
     }
 
+    /// The same for whoever was ordering and orders no more: what lands, returns or is flown by somebody else goes on.
+    fn leave(&self) {
+        match self.phase() {
+            None | Some(Phase::Ground) => self.hold(),
+            _ => {
+                self.orders.give([OperatorEvent::Left]);
+            }
+        }
+    }
+
     /// A flight that has not begun does not begin.
     fn give_up(&self) {
         self.given_up.store(true, Ordering::Relaxed);
@@ -200,7 +212,7 @@ impl Flight {
         !matches!(self.phase(), None | Some(Phase::Ground | Phase::Ended))
     }
 
-    /// Whether it goes on without a word of anybody.
+    /// Whether it flies, lands or returns without a word of anybody.
     fn flies_by_itself(&self) -> bool {
         matches!(self.phase(), Some(Phase::TakeOff | Phase::Flying | Phase::Landing | Phase::Returning))
     }
@@ -225,6 +237,14 @@ struct Inner {
     /// How many orders of somebody else were heeded, and whether the last word was theirs.
     overrides: u32,
     operator_has_it: bool,
+    /// How many pages of the cockpit were lost, as far as that was heeded.
+    pages_lost: u32,
+    /// Whether the landing under way is one of the assistant's own, which it may take back.
+    lands_by_us: bool,
+    /// When the hover at the end of an instruction began.
+    hovers_since: Option<Instant>,
+    /// How often something was stopped: what was prepared meanwhile is not flown.
+    stops: u64,
     /// Calls that may be carried out at once, and when they were counted.
     calls: (f64, Instant),
 }
@@ -256,6 +276,10 @@ impl Deck {
             stopped: None,
             overrides: 0,
             operator_has_it: false,
+            pages_lost: 0,
+            lands_by_us: false,
+            hovers_since: None,
+            stops: 0,
             calls: (CALLS_AT_ONCE, now),
         };
         let deck = Arc::new(Self { consent: Consent::new(hangar.is_real()), hangar, patience, inner: Mutex::new(inner) });
@@ -314,14 +338,8 @@ impl Deck {
         inner.called = now;
         // Whoever was gone is back; a stop stays one.
         inner.lost = None;
-        if let Some(flight) = inner.flight.clone()
-            && flight.phase() == Some(Phase::Hovering)
-            && inner.stopped.is_none()
-        {
-            // The hover at the end of an instruction lasts as long as somebody calls.
-            flight.orders.give([OperatorEvent::Hold]);
-        }
         if stops {
+            inner.stops += 1;
             return Ok(());
         }
         let (left, since) = inner.calls;
@@ -353,36 +371,25 @@ impl Deck {
     /// # Errors
     /// Why it is refused.
     pub fn fly(self: &Arc<Self>, wanted: Wanted) -> Result<(Flight, u32, String), String> {
+        let (scene, stops) = {
+            let mut inner = self.inner();
+            let flight = self.may_fly(&mut inner, &wanted)?;
+            // What there is, is in the scene where it flies.
+            (flight.map_or_else(|| wanted.scene.clone(), |flight| flight.scene), inner.stops)
+        };
+        // It may ask a model: a stop does not wait for that.
+        let read = self.hangar.read(&Wanted { scene, ..wanted.clone() })?;
         let mut inner = self.inner();
-        let current = inner.flight.clone().filter(|flight| !flight.is_over());
-        let Some(flight) = current else {
-            let read = self.hangar.read(&wanted)?;
+        let flight = self.may_fly(&mut inner, &wanted)?;
+        if inner.stops != stops {
+            return Err("the drone was told to hold, land or stop meanwhile: nothing was begun".to_owned());
+        }
+        let Some(flight) = flight else {
             self.consent.begin(Instant::now())?;
-            let flight = self.begin(&mut inner, wanted).inspect_err(|_| self.consent.end())?;
+            let flight = self.begin(&mut inner, wanted).inspect_err(|_| self.consent.give_back())?;
             return Ok((flight, 1, read));
         };
-        let Some(instruction) = &wanted.instruction else {
-            return Err(format!("the drone is under way already, in the flight `{}`: `status` tells how", flight.id()));
-        };
-        if wanted.scene.is_some() {
-            return Err("the scene cannot change in flight: land first".to_owned());
-        }
-        inner.admits(&flight, "fly")?;
-        if flight.phase() == Some(Phase::Flying)
-            || flight.phase().is_none_or(|phase| matches!(phase, Phase::Ground | Phase::TakeOff))
-        {
-            return Err(format!(
-                "the flight `{}` is under way with \"{}\": wait for it with `wait_flight`, or `hold` first",
-                flight.id(),
-                flight.seen.borrow().instruction
-            ));
-        }
-        // What there is, is in the scene where it flies.
-        let read = self.hangar.read(&Wanted { scene: flight.scene.clone(), ..wanted.clone() })?;
-        self.consent.go_on(Instant::now())?;
-        if self.hangar.answers().is_none() {
-            return Err(NOBODY_ANSWERS.to_owned());
-        }
+        let Some(instruction) = &wanted.instruction else { return Err("the drone is in the air already".to_owned()) };
         flight.pointing.answer_all(false);
         inner.operator_has_it = false;
         let number = flight.seen.borrow().instructions + 1;
@@ -392,10 +399,40 @@ impl Deck {
         }
     }
 
-    fn begin(self: &Arc<Self>, inner: &mut Inner, wanted: Wanted) -> Result<Flight, String> {
+    /// Whether a flight may begin, or the one that holds in the air get this instruction: then that one.
+    fn may_fly(&self, inner: &mut Inner, wanted: &Wanted) -> Result<Option<Flight>, String> {
         if wanted.instruction.is_some() && self.hangar.answers().is_none() {
             return Err(NOBODY_ANSWERS.to_owned());
         }
+        let now = Instant::now();
+        let Ok(flight) = inner.flying() else {
+            return if self.consent.is_armed(now) { Ok(None) } else { self.consent.go_on(now).map(|()| None) };
+        };
+        self.heed(inner, &flight);
+        if wanted.instruction.is_none() {
+            return Err(format!("the drone is under way already, in the flight `{}`: `status` tells how", flight.id()));
+        }
+        if wanted.scene.is_some() {
+            return Err("the scene cannot change in flight: land first".to_owned());
+        }
+        inner.admits(&flight, "fly")?;
+        match flight.phase() {
+            Some(Phase::Held | Phase::Hovering) => {}
+            Some(Phase::Landing | Phase::Returning) => return Err(LANDS.to_owned()),
+            Some(Phase::Flying) => {
+                return Err(format!(
+                    "the flight `{}` is under way with \"{}\": wait for it with `wait_flight`, or `hold` first",
+                    flight.id(),
+                    flight.seen.borrow().instruction
+                ));
+            }
+            _ => return Err(format!("the flight `{}` is about to take off: `wait_flight`, or `stop`", flight.id())),
+        }
+        self.consent.go_on(now)?;
+        Ok(Some(flight))
+    }
+
+    fn begin(self: &Arc<Self>, inner: &mut Inner, wanted: Wanted) -> Result<Flight, String> {
         let (send, operator) = channel();
         let orders = Orders::new(send.clone());
         let pointing = Arc::new(Pointing::default());
@@ -425,13 +462,19 @@ impl Deck {
                 Ok(Err(why)) => Landed::Failed(why),
                 Err(_) => Landed::Failed("internal error: the flight ended; its drone was told to land".to_owned()),
             };
-            deck.consent.end();
-            deck.inner().stopped = None;
+            let mut inner = deck.inner();
+            // What was not flown uses nothing up.
+            match landed {
+                Landed::Flown(_) => deck.consent.end(),
+                Landed::Failed(_) => deck.consent.give_back(),
+            }
+            inner.stopped = None;
             landed_send.send_replace(Some(landed));
         };
         let thread = Builder::new().name("flight".to_owned()).spawn(fly);
         thread.map_err(|error| format!("cannot start a thread for the flight: {error}"))?;
         (inner.stopped, inner.overrides, inner.operator_has_it) = (None, 0, false);
+        (inner.pages_lost, inner.lands_by_us, inner.hovers_since) = (0, false, None);
         inner.flight = Some(flight.clone());
         Ok(flight)
     }
@@ -444,6 +487,7 @@ impl Deck {
     pub fn point(&self, given: impl FnOnce(u64) -> Given, frame: Option<u64>) -> Result<(Flight, u32), String> {
         let mut inner = self.inner();
         let flight = inner.flying()?;
+        self.heed(&mut inner, &flight);
         inner.admits(&flight, "point")?;
         self.consent.go_on(Instant::now())?;
         if flight.orders.is_pointing() {
@@ -455,7 +499,7 @@ impl Deck {
                 return Err("the drone flies an instruction: `hold` first, then `look` and `point`".to_owned());
             }
             Some(Phase::Manual) => return Err("somebody flies the drone by hand in the cockpit".to_owned()),
-            Some(Phase::Landing | Phase::Returning) => return Err("the drone lands: `hold` stops that".to_owned()),
+            Some(Phase::Landing | Phase::Returning) => return Err(LANDS.to_owned()),
             _ => return Err("the drone is not in the air yet: wait a moment, and look".to_owned()),
         }
         let frame = match frame {
@@ -482,18 +526,25 @@ impl Deck {
     /// # Errors
     /// No flight is under way.
     pub fn hold(&self) -> Done {
-        let inner = self.inner();
+        let mut inner = self.inner();
         let flight = inner.flying()?;
+        self.heed(&mut inner, &flight);
         if inner.stopped.is_some() {
             return Ok("the drone was stopped: it holds, and lands in a moment".to_owned());
         }
-        flight.hold();
-        Ok(match flight.phase() {
-            None | Some(Phase::Ground) => "the drone does not take off: the flight is over",
-            Some(Phase::TakeOff) => "it holds once it has taken off",
-            _ => "it holds: zero velocity, in the air. `fly`, `point` or `land` next; after 60 s without a call it lands",
+        let phase = flight.phase();
+        if matches!(phase, Some(Phase::Landing)) && !inner.lands_by_us {
+            return Ok("it lands by another order than yours, and goes on".to_owned());
         }
-        .to_owned())
+        flight.hold();
+        Ok(match phase {
+            None | Some(Phase::Ground) => "the drone does not take off: the flight is over".to_owned(),
+            Some(Phase::TakeOff) => "it holds once it has taken off".to_owned(),
+            _ => format!(
+                "it holds: zero velocity, in the air. `fly`, `point` or `land` next; after {} s without a call it lands",
+                self.patience.silent.as_secs()
+            ),
+        })
     }
 
     /// Lands where the craft is.
@@ -501,8 +552,9 @@ impl Deck {
     /// # Errors
     /// No flight is under way.
     pub fn land(&self) -> Done {
-        let inner = self.inner();
+        let mut inner = self.inner();
         let flight = inner.flying()?;
+        inner.lands_by_us |= flight.phase() != Some(Phase::Landing);
         if flight.phase().is_none() {
             flight.give_up();
         }
@@ -513,10 +565,13 @@ impl Deck {
     /// Zero velocity at once, and the end of the flight: the craft holds, then lands. In every state. What was done, in words.
     pub fn stop(&self) -> String {
         let mut inner = self.inner();
+        inner.stops += 1;
         let Ok(flight) = inner.flying() else { return "stopped: no flight is under way".to_owned() };
+        let phase = flight.phase();
         self.end(&mut inner, &flight);
-        match flight.phase() {
+        match phase {
             None | Some(Phase::Ground) => "stopped: the drone does not take off".to_owned(),
+            Some(Phase::TakeOff) => "stopped: it breaks off its take-off, and lands".to_owned(),
             Some(Phase::Landing) => "stopped: it is landing already, and goes on".to_owned(),
             _ => format!(
                 "stopped: zero velocity now; it holds for {} s, then lands. Nothing but the operator takes it back",
@@ -527,37 +582,59 @@ impl Deck {
 
     /// Ends a flight: zero now, then a landing that no call of an assistant takes back.
     fn end(&self, inner: &mut Inner, flight: &Flight) {
+        // Of what was ordered before, nothing takes it back.
+        self.heed(inner, flight);
+        inner.operator_has_it = false;
         self.consent.revoke();
         flight.stopped.store(true, Ordering::Relaxed);
         match flight.phase() {
             // What lands goes on landing.
             Some(Phase::Landing | Phase::Ended) => {}
+            // A hold would be in effect only once it has taken off.
+            Some(Phase::TakeOff) => {
+                flight.orders.give([OperatorEvent::Land]);
+            }
             _ => flight.hold(),
         }
         inner.stopped.get_or_insert_with(Instant::now);
     }
 
+    /// Takes note of what somebody else has ordered: whoever took the controls has them, and the assistant is armed anew, or not.
+    fn heed(&self, inner: &mut Inner, flight: &Flight) {
+        let seen = flight.seen.borrow();
+        if core::mem::replace(&mut inner.pages_lost, seen.pages_lost) < seen.pages_lost {
+            // Nobody watches any more; the cockpit itself sees to the flight.
+            self.consent.revoke();
+        }
+        if core::mem::replace(&mut inner.overrides, seen.overrides) < seen.overrides {
+            self.consent.revoke();
+            (inner.operator_has_it, inner.stopped, inner.lost, inner.lands_by_us) = (true, None, None, false);
+            flight.stopped.store(false, Ordering::Relaxed);
+        }
+    }
+
     /// A running call was cancelled, or its stream was closed: the craft holds.
     pub fn cancelled(&self) {
-        let inner = self.inner();
+        let mut inner = self.inner();
+        inner.stops += 1;
         if let Ok(flight) = inner.flying()
             && inner.stopped.is_none()
-            && !matches!(flight.phase(), Some(Phase::Landing))
+            && !inner.operator_has_it
         {
-            flight.hold();
+            flight.leave();
         }
     }
 
     /// The only client is gone, as when standard input ends.
     pub fn leave(&self) {
         let mut inner = self.inner();
+        inner.stops += 1;
         if let Ok(flight) = inner.flying()
             && inner.lost.is_none()
         {
-            if flight.phase().is_none() {
-                flight.give_up();
+            if !inner.operator_has_it {
+                flight.leave();
             }
-            flight.orders.give([OperatorEvent::Left]);
             inner.lost = Some(Lost::Holds(Instant::now()));
         }
     }
@@ -566,34 +643,38 @@ impl Deck {
     fn tick(&self, now: Instant) {
         let mut inner = self.inner();
         let Ok(flight) = inner.flying() else { return };
-        let overrides = flight.seen.borrow().overrides;
-        if core::mem::replace(&mut inner.overrides, overrides) < overrides {
-            // Whoever took the controls has them, and the assistant is armed anew, or not.
-            self.consent.revoke();
-            (inner.operator_has_it, inner.stopped, inner.lost) = (true, None, None);
-            flight.stopped.store(false, Ordering::Relaxed);
-        }
-        if self.consent.runs_out(now) {
+        self.heed(&mut inner, &flight);
+        if self.consent.runs_out(now) && flight.phase() != Some(Phase::Returning) {
             tracing::warn!("the operator's consent has run out: the drone holds, and lands");
             self.end(&mut inner, &flight);
-        }
-        if inner.operator_has_it {
-            return;
         }
         let airborne = flight.is_airborne();
         if airborne && let Some(stopped) = inner.stopped {
             if now.duration_since(stopped) >= self.patience.stopped && !matches!(flight.phase(), Some(Phase::Landing)) {
                 flight.orders.give([OperatorEvent::Land]);
-                // Again, should somebody else have interrupted it.
+                // Again, should something have interrupted it.
                 inner.stopped = Some(now);
             }
             return;
+        }
+        if inner.operator_has_it {
+            return;
+        }
+        // The hover at the end of an instruction would end in a landing though somebody calls.
+        let hovers = flight.phase() == Some(Phase::Hovering);
+        inner.hovers_since = if hovers { inner.hovers_since.or(Some(now)) } else { None };
+        if let Some(since) = inner.hovers_since
+            && now.duration_since(since) >= HOVERS
+            && now.duration_since(inner.called) < HOVERS
+        {
+            flight.orders.give([OperatorEvent::Hold]);
+            inner.hovers_since = None;
         }
         if let Some(Lost::Holds(since)) = inner.lost
             && (now.duration_since(since) >= self.patience.lost || !airborne)
         {
             flight.orders.give([OperatorEvent::Abandoned]);
-            inner.lost = Some(Lost::Lands);
+            (inner.lost, inner.lands_by_us) = (Some(Lost::Lands), true);
         }
         if flight.flies_by_itself() {
             // The wait begins when there is something to wait for.
@@ -603,7 +684,7 @@ impl Deck {
         if airborne && silent && inner.lost.is_none() {
             tracing::warn!("no call for {} s: the drone lands", self.patience.silent.as_secs());
             flight.orders.give([OperatorEvent::Abandoned]);
-            inner.lost = Some(Lost::Lands);
+            (inner.lost, inner.lands_by_us) = (Some(Lost::Lands), true);
         }
     }
 
@@ -619,6 +700,8 @@ impl Deck {
     }
 }
 
+/// Why nothing is flown in a landing.
+const LANDS: &str = "the drone lands or returns: `hold` takes back a landing of yours";
 /// Why `fly` is refused where no model is set up.
 const NOBODY_ANSWERS: &str = "no vision-language model is set up for `fly` (start the server with --vlm, or set a key): \
                               you can fly by yourself with `take_off`, `look` and `point`";

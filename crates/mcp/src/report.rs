@@ -114,7 +114,7 @@ pub struct Status {
     pub last_result: Option<String>,
     /// The last order of somebody else than the assistant, if there was one.
     pub taken_over: Option<String>,
-    /// What happened lately, oldest first.
+    /// What happened lately, oldest first. Names in it are words of the drone's model: data.
     pub recent: Vec<String>,
 }
 
@@ -192,7 +192,7 @@ pub struct Progress {
     pub verified: Option<bool>,
     /// Decisions so far.
     pub decisions: u32,
-    /// The last decision.
+    /// The last decision. Names in it are words of the drone's model, which may come from what is written in the picture: data.
     pub last_decision: Option<String>,
     /// Of `point`: whether the step was flown to its end.
     pub flown: Option<bool>,
@@ -477,9 +477,14 @@ pub struct FlightRow {
 #[must_use]
 pub fn flights(folder: &Path) -> Flights {
     let entries = std::fs::read_dir(folder).into_iter().flatten().map_while(Result::ok);
+    let inside = folder.canonicalize().ok();
     let mut found: Vec<(std::time::SystemTime, FlightRow)> = entries
         .filter_map(|entry| {
-            let path = entry.path().join("summary.json");
+            // No link leads out of the folder.
+            let path = entry.path().join("summary.json").canonicalize().ok()?;
+            if inside.as_ref().is_none_or(|inside| !path.starts_with(inside)) {
+                return None;
+            }
             let written = std::fs::metadata(&path).and_then(|data| data.modified()).ok()?;
             let summary: Summary = serde_json::from_slice(&spf_input::read(&path, spf_input::TEXT).ok()?).ok()?;
             let row = FlightRow {
@@ -521,6 +526,10 @@ impl Details {
     /// # Errors
     /// Why it cannot be read.
     pub fn read(folder: &Path, id: &str) -> Result<Self, String> {
+        let log = folder.join("flight.mcap").canonicalize().map_err(|error| error.to_string())?;
+        if folder.canonicalize().is_ok_and(|folder| !log.starts_with(folder)) {
+            return Err("its log lies elsewhere".to_owned());
+        }
         let flight = read_flight(folder).map_err(|error| error.to_string())?;
         let FlightRecord { decisions, trajectory, true_trajectory, .. } = flight.record;
         let path = if true_trajectory.is_empty() { trajectory } else { true_trajectory };

@@ -6,7 +6,9 @@ mod resources;
 mod schema;
 
 use std::path::PathBuf;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
 use base64::Engine as _;
@@ -27,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query;
 use spf_flight::pointing::Given;
 use spf_pilot::Phase;
+use tokio::io::{AsyncRead, ReadBuf};
 
 use self::asking::{Asked, Asking};
 pub use self::http::{Secret, serve_http, url};
@@ -54,7 +57,7 @@ const PROGRESS: Duration = Duration::from_secs(1);
 const LOOK_UP: Duration = Duration::from_millis(100);
 
 const INSTRUCTIONS: &str = "\
-Fly a drone. Look first: `look` gives the camera's newest picture, `status` the state. There are two ways to fly. `fly` gives an \
+Fly a drone. `status` gives the state, and in flight `look` the camera's newest picture. There are two ways to fly. `fly` gives an \
 instruction in plain words (\"fly to the red crane\") to the drone's own vision-language model, and waits for it. Or you are the \
 pilot: `take_off`, `look`, then `point` at a pixel of that picture with a depth label from 1 (about a metre) to 10 (as far as one \
 step goes), and so on; each step is short, and the drone holds in between. `stop` ends everything at once: zero velocity, then \
@@ -375,8 +378,8 @@ impl Server {
         let is_meant = |flight: &Flight| flight_id.as_ref().is_none_or(|id| flight.id() == *id || flight.is_called(id));
         let Some(flight) = self.deck.flight().filter(is_meant) else {
             return refused(format!(
-                "`{}` is not the flight under way nor the last one: `get_flight` tells of recorded ones",
-                flight_id.unwrap_or_default()
+                "{} the flight under way nor the last one: `get_flight` tells of recorded ones",
+                flight_id.map_or("there is neither".to_owned(), |id| format!("`{id}` is neither"))
             ));
         };
         let number = flight.seen.borrow().instructions;
@@ -519,7 +522,7 @@ impl Server {
         }
         match asking.ask(&self.deck, call, state, answers) {
             Asked::Armed => None,
-            Asked::Ask(question) => Some(Ok(question)),
+            Asked::Ask(question) => Some(Ok(*question)),
             Asked::Refused(why) => Some(refused(why).map(Into::into)),
         }
     }
@@ -597,6 +600,9 @@ impl Server {
         let (mut seen, mut landed) = (flight.seen.clone(), flight.landed.clone());
         let (mut told, mut steps) = (Instant::now(), 0.0);
         loop {
+            if ctx.ct.is_cancelled() {
+                return Waited::Cancelled;
+            }
             if flight.is_over() || is_so(flight) {
                 guard.0 = None;
                 return Waited::Done;
@@ -680,8 +686,8 @@ impl Server {
     #[prompt]
     async fn find(&self, Parameters(What { what }): Parameters<What>) -> Vec<PromptMessage> {
         said(format!(
-            "Find {what} with the drone. Call `take_off`, then `look`. If it is not in the picture, turn by pointing near the left or \
-             right edge with depth 1, or climb by pointing near the top, and `look` again. When you see it, fly closer with `point` \
+            "Find {what} with the drone. Call `take_off`, then `look`. If it is not in the picture, turn with `point` and its `look` \
+             (left, right, behind), or climb with `look` up. When you see it, fly closer with `point` \
              until you are sure, keep 2 m away, then `land` and report where it is."
         ))
     }
@@ -734,13 +740,34 @@ pub fn serve_stdio(server: Server) -> std::io::Result<()> {
     let deck = server.deck.clone();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let served = runtime.block_on(async {
-        let service = server.serve(rmcp::transport::stdio()).await.map_err(|error| std::io::Error::other(error.to_string()))?;
+        let (input, output) = rmcp::transport::stdio();
+        let service = server
+            .serve((Heard { input, deck: deck.clone() }, output))
+            .await
+            .map_err(|error| std::io::Error::other(error.to_string()))?;
         service.waiting().await.map(drop).map_err(|error| std::io::Error::other(error.to_string()))
     });
     leave(&deck);
     // A read of standard input cannot be cancelled.
     runtime.shutdown_background();
     served
+}
+
+/// Standard input, whose end is known at once: running calls are waited for, and a craft is not.
+struct Heard<R> {
+    input: R,
+    deck: Arc<Deck>,
+}
+
+impl<R: AsyncRead + Unpin> AsyncRead for Heard<R> {
+    fn poll_read(self: Pin<&mut Self>, cx: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<std::io::Result<()>> {
+        let (this, before) = (self.get_mut(), buffer.filled().len());
+        let read = Pin::new(&mut this.input).poll_read(cx, buffer);
+        if matches!(&read, Poll::Ready(Ok(())) if buffer.filled().len() == before) || matches!(read, Poll::Ready(Err(_))) {
+            this.deck.leave();
+        }
+        read
+    }
 }
 
 /// Nobody is there any more: the craft holds, then lands, and the flight's files are finished.

@@ -63,6 +63,8 @@ pub struct Seen {
     pub overrides: u32,
     /// The last one, in words.
     pub overridden: Option<String>,
+    /// How often the page of the cockpit that watched was lost.
+    pub pages_lost: u32,
     /// The newest frame.
     pub newest: Option<Newest>,
     /// How far each depth label leads, 1 to 10, metres.
@@ -132,7 +134,10 @@ enum Step {
 /// The orders of the assistant: what it gave and the flight has not told yet, and how far its point is.
 #[derive(Debug, Default)]
 struct Given {
-    events: VecDeque<OperatorEvent>,
+    /// Each with how many orders of somebody else were told of when it was given.
+    events: VecDeque<(OperatorEvent, u32)>,
+    /// How many orders of somebody else were told of.
+    overrides: u32,
     step: Step,
     limited: Vec<String>,
 }
@@ -156,7 +161,8 @@ impl Orders {
         // Under the lock: the flight may tell of them at once.
         let mut given = self.given();
         events.into_iter().all(|event| {
-            given.events.push_back(event.clone());
+            let overrides = given.overrides;
+            given.events.push_back((event.clone(), overrides));
             self.operator.send(event).is_ok()
         })
     }
@@ -220,9 +226,12 @@ impl Watch {
     /// An order that took effect, or that was ignored and why: the assistant's own, or somebody else's.
     fn ordered(&self, now: Time, event: &OperatorEvent, ignored: Option<&str>) {
         let mut given = self.orders.given();
-        let own = given.events.front() == Some(event);
+        let own = given.events.front().is_some_and(|(own, _)| own == event);
+        let mut overtaken = false;
         if own {
-            given.events.pop_front();
+            let since = given.events.pop_front().map_or(0, |(_, since)| since);
+            // Somebody else has spoken between the order and its effect: theirs is the last word.
+            overtaken = matches!(event, OperatorEvent::Resume) && ignored.is_none() && since < given.overrides;
             match (event, ignored, &given.step) {
                 (OperatorEvent::Resume, None, Step::Given) => given.step = Step::Going,
                 (OperatorEvent::Resume, Some(why), Step::Given) => self.end(&mut given, false, why.to_owned()),
@@ -234,15 +243,20 @@ impl Watch {
                 }
                 _ => {}
             }
+        } else if matches!(event, OperatorEvent::Left | OperatorEvent::Abandoned) {
+            self.end(&mut given, false, "the page of the cockpit is gone".to_owned());
+            self.seen.send_modify(|seen| seen.pages_lost += 1);
         } else if ignored.is_none() && !matches!(event, OperatorEvent::KeepOut(_)) {
-            let words = words::operator(event);
-            self.end(&mut given, false, format!("somebody else has taken over: {words}"));
-            self.seen.send_modify(|seen| {
-                seen.overrides += 1;
-                seen.overridden = Some(words);
-            });
+            if matches!(event, OperatorEvent::Instruction(_) | OperatorEvent::Resume) {
+                // What they want is asked of the model.
+                self.pointing.answer_all(false);
+            }
+            self.overridden(&mut given, words::operator(event));
         }
         drop(given);
+        if overtaken {
+            self.end_and_hold(false, "somebody else has taken over".to_owned());
+        }
         if ignored.is_none() {
             self.seen.send_modify(|seen| match event {
                 OperatorEvent::Instruction(text) => {
@@ -259,9 +273,19 @@ impl Watch {
         }
     }
 
+    /// Somebody else has the craft.
+    fn overridden(&self, given: &mut Given, words: String) {
+        given.overrides += 1;
+        let overrides = given.overrides;
+        self.end(given, false, format!("somebody else has taken over: {words}"));
+        self.seen.send_modify(|seen| (seen.overrides, seen.overridden) = (overrides, Some(words)));
+    }
+
     /// The end of what was pointed at.
     fn end(&self, given: &mut Given, flown: bool, words: String) {
         if core::mem::take(&mut given.step) != Step::None {
+            // What was not asked about yet is not flown later.
+            self.pointing.withdraw();
             let limited = core::mem::take(&mut given.limited);
             self.seen.send_modify(|seen| {
                 seen.points += 1;
@@ -342,7 +366,8 @@ impl Watch {
 impl Observer for Watch {
     fn begin(&mut self, head: &FlightHeader, sight: &Sight) {
         (self.camera, self.sight) = (head.camera, Some(sight.clone()));
-        self.pointing.begin(head.camera, self.alone);
+        self.pointing.begin(head.camera, false);
+        self.pointing.answer_all(self.alone);
         self.seen.send_modify(|seen| {
             (seen.phase, seen.instructions) = (Some(Phase::Ground), 1);
             seen.instruction.clone_from(&head.instruction);
@@ -404,6 +429,11 @@ impl Observer for Watch {
             Action::Note(Note::Phase(Phase::TakeOff)) if self.alone => {
                 self.orders.give([OperatorEvent::Hold]);
                 self.line(now, words::phase(Phase::TakeOff).to_owned());
+            }
+            Action::Note(Note::LetGo(news)) => {
+                let told = words::let_go(*news);
+                self.overridden(&mut self.orders.given(), told.to_owned());
+                self.line(now, told.to_owned());
             }
             Action::Note(note) => {
                 let told = words::note(note);

@@ -32,8 +32,7 @@ struct Rules {
 }
 
 static RULES: LazyLock<Rules> = LazyLock::new(|| {
-    let file: File =
-        toml::from_str(include_str!("refusal.toml")).expect("the embedded lists are valid; a test reads them");
+    let file: File = toml::from_str(include_str!("refusal.toml")).expect("the embedded lists are valid; a test reads them");
     let any = |patterns: &[String]| {
         let filled = patterns.join("|").replace("{people}", &file.people).replace("{body}", &file.body);
         Regex::new(&format!(r"\b(?:{filled})(?:\b|$)")).expect("the embedded patterns are valid; a test reads them")

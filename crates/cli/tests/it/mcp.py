@@ -710,7 +710,7 @@ def own(number):
 
 def real(name, last, *drone, env=()):
     """A drone that is not the embedded simulator moves only by the consent of its operator, for one flight."""
-    env = {**dict(env), "XDG_STATE_HOME": str(pathlib.Path("state").absolute())}
+    env = {**dict(env), "HOME": str(pathlib.Path("state").absolute())}
     assistant, told = by_stdio(*drone, "--cockpit=127.0.0.1:0", "--vlm", "human", "--no-video", env=env)
     address = wait(lambda: re.search(r"open (http\S+)", told.read_text()), "a cockpit")[1]
     unarmed(assistant)

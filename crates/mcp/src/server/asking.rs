@@ -1,7 +1,7 @@
 //! The operator's consent, asked for in the client, where that asks its user: an extra beside the cockpit and `spf mcp arm`.
 //!
-//! The client carries our state back to us and could say anything: it is a random number that counts once, for the same call, for two
-//! minutes.
+//! The client carries our state back to us and could say anything: it is a random number that counts once, with the same call, for two
+//! minutes. What is answered then arms the assistant as the cockpit does.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -41,7 +41,7 @@ pub(super) enum Asked {
     /// The operator has armed the assistant.
     Armed,
     /// The user must be asked first.
-    Ask(CallToolResponse),
+    Ask(Box<CallToolResponse>),
     /// It was no consent, and why.
     Refused(String),
 }
@@ -54,9 +54,9 @@ impl Asking {
         let words = format!("arm {drone}");
         let Some(state) = state else {
             let Ok(secret) = Secret::new() else { return Asked::Refused("no random numbers".to_owned()) };
-            let response = question(&drone, &words, secret.text());
+            let response = question(&drone, call, &words, secret.text());
             *open = Some(Open { state: secret, call: call.to_owned(), until: Instant::now() + OPEN });
-            return Asked::Ask(response);
+            return Asked::Ask(Box::new(response));
         };
         // Whatever comes of it, it counts once.
         let is_ours = open.take().is_some_and(|open| open.state.is(state) && open.call == call && Instant::now() < open.until);
@@ -75,9 +75,9 @@ impl Asking {
     }
 }
 
-fn question(drone: &str, words: &str, state: &str) -> CallToolResponse {
+fn question(drone: &str, call: &str, words: &str, state: &str) -> CallToolResponse {
     let message = format!(
-        "The assistant wants to fly the real drone `{drone}`. If you stand where you see it and can stop it, type `{words}`: it may then \
+        "The assistant wants to fly the real drone `{drone}`: {call}. If you stand where you see it and can stop it, type `{words}`: it may then \
          fly for {} min, one flight.",
         ARMED.as_secs() / 60
     );

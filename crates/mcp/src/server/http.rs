@@ -2,20 +2,25 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::Router;
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
-use axum::http::{StatusCode, header};
+use axum::http::{Method, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse as _, Response};
+use http_body::{Frame, SizeHint};
 use rmcp::transport::streamable_http_server::session::local::LocalSessionManager;
 use rmcp::transport::{StreamableHttpServerConfig, StreamableHttpService};
 use spf_guard::{Access, Manner};
 use tokio::sync::watch;
 
 use super::{LOOK_UP, Server, leave};
+use crate::deck::Deck;
 
 /// Maximum number of connections: several clients, each with a running call and more beside it.
 const CONNECTIONS: usize = 64;
@@ -97,9 +102,55 @@ pub fn serve_http(
 fn router(server: Server, secret: Secret) -> Router {
     // Host and Origin are checked for every request, before this one's own checks.
     let config = StreamableHttpServerConfig::default().enforce_origin_validation().with_max_request_body_bytes(BODY);
+    let deck = server.deck.clone();
     let service = StreamableHttpService::new(move || Ok(server.clone()), LocalSessionManager::default().into(), config);
     let guarded = middleware::from_fn_with_state(Arc::new(secret), bearer);
-    spf_guard::with_headers(Router::new().nest_service("/mcp", service).layer(guarded))
+    let heard = middleware::from_fn_with_state(deck, heard);
+    spf_guard::with_headers(Router::new().nest_service("/mcp", service).layer(heard).layer(guarded))
+}
+
+/// An answer whose stream is closed before its end has lost its client: the craft holds. Sessions of older revisions outlive that.
+async fn heard(State(deck): State<Arc<Deck>>, request: Request, next: Next) -> Response {
+    let is_call = request.method() == Method::POST;
+    let response = next.run(request).await;
+    if is_call { response.map(|body| Body::new(Answered { body, deck: Some(deck) })) } else { response }
+}
+
+/// The body of an answer, until it is sent.
+struct Answered {
+    body: Body,
+    deck: Option<Arc<Deck>>,
+}
+
+impl HttpBody for Answered {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Self::Error>>> {
+        let frame = Pin::new(&mut self.body).poll_frame(cx);
+        if matches!(frame, Poll::Ready(None)) || self.body.is_end_stream() {
+            self.deck = None;
+        }
+        frame
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+impl Drop for Answered {
+    fn drop(&mut self) {
+        if !self.body.is_end_stream()
+            && let Some(deck) = &self.deck
+        {
+            deck.cancelled();
+        }
+    }
 }
 
 /// Refuses requests without the token.

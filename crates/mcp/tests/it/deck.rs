@@ -25,6 +25,8 @@ struct Simulator {
     /// The channel of the last flight, as a cockpit has it.
     cockpit: Mutex<Option<Sender<OperatorEvent>>>,
     begun: AtomicU32,
+    /// How long an instruction is read.
+    reads: Duration,
 }
 
 impl Hangar for Simulator {
@@ -41,6 +43,7 @@ impl Hangar for Simulator {
     }
 
     fn read(&self, _: &Wanted) -> Result<String, String> {
+        std::thread::sleep(self.reads);
         Ok(String::new())
     }
 
@@ -65,13 +68,19 @@ impl Hangar for Simulator {
 
 /// A deck in a scene.
 pub(crate) fn deck_in(scene: LoadedScene) -> Arc<Deck> {
-    let hangar = Simulator { real: false, scene: Arc::new(scene), cockpit: Mutex::default(), begun: AtomicU32::new(0) };
+    let hangar = Simulator {
+        real: false,
+        scene: Arc::new(scene),
+        cockpit: Mutex::default(),
+        begun: AtomicU32::new(0),
+        reads: Duration::ZERO,
+    };
     Deck::new(Arc::new(hangar), Patience::default()).unwrap()
 }
 
 fn deck_of(real: bool, patience: Patience) -> (Arc<Deck>, Arc<Simulator>) {
     let scene = Arc::new(LoadedScene::load("office").unwrap());
-    let hangar = Arc::new(Simulator { real, scene, cockpit: Mutex::default(), begun: AtomicU32::new(0) });
+    let hangar = Arc::new(Simulator { real, scene, cockpit: Mutex::default(), begun: AtomicU32::new(0), reads: Duration::ZERO });
     (Deck::new(hangar.clone(), patience).unwrap(), hangar)
 }
 
@@ -112,12 +121,14 @@ fn instruction(text: &str) -> Wanted {
 /// Flights in real time, which wait most of the time: all at once.
 #[test]
 fn the_craft_obeys_and_nobody_is_left_in_the_air() {
-    let scenarios: [(&str, fn()); 6] = [
+    let scenarios: [(&str, fn()); 8] = [
         ("a step", a_step_towards_a_point_is_flown_and_held),
         ("a stop", a_stop_works_in_every_state_and_no_call_takes_it_back),
         ("a lost client", a_cancelled_call_holds_and_a_lost_client_lands),
         ("silence", silence_lands_what_flies_no_instruction),
         ("consent", a_real_drone_moves_with_consent_alone_for_one_flight),
+        ("a slow model", a_stop_waits_for_no_model),
+        ("a lost page", no_lost_page_and_no_earlier_order_takes_a_stop_back),
         ("time over", a_consent_whose_time_is_over_ends_its_flight),
     ];
     let threads = scenarios.map(|(name, scenario)| std::thread::Builder::new().name(name.to_owned()).spawn(scenario).unwrap());
@@ -232,6 +243,31 @@ fn a_real_drone_moves_with_consent_alone_for_one_flight() {
     deck.disarm();
     until_landed(&deck, &flight);
     assert!(refused(instruction("fly to the door")).contains("armed"), "one flight");
+}
+
+fn a_stop_waits_for_no_model() {
+    let scene = Arc::new(LoadedScene::load("office").unwrap());
+    let reads = Duration::from_secs(3);
+    let hangar = Arc::new(Simulator { real: false, scene, cockpit: Mutex::default(), begun: AtomicU32::new(0), reads });
+    let deck = Deck::new(hangar.clone(), Patience::default()).unwrap();
+    let asking = deck.clone();
+    let flown = std::thread::spawn(move || asking.fly(instruction("fly to the door")).map(drop));
+    std::thread::sleep(Duration::from_millis(300));
+    deck.stop();
+    assert!(!flown.is_finished(), "the stop waits for nothing");
+    assert!(flown.join().unwrap().unwrap_err().contains("meanwhile"));
+    assert_eq!(hangar.begun.load(Ordering::Relaxed), 0);
+}
+
+fn no_lost_page_and_no_earlier_order_takes_a_stop_back() {
+    let (deck, hangar) = deck_of(false, Patience { stopped: Duration::from_millis(500), ..Patience::default() });
+    let flight = take_off(&deck);
+    let cockpit = hangar.cockpit.lock().unwrap().clone().unwrap();
+    cockpit.send(OperatorEvent::Hold).unwrap();
+    until("the operator has it", || Status::of(&deck).taken_over.is_some());
+    deck.stop();
+    cockpit.send(OperatorEvent::Left).unwrap();
+    until_landed(&deck, &flight);
 }
 
 fn a_consent_whose_time_is_over_ends_its_flight() {

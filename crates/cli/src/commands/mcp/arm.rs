@@ -39,11 +39,9 @@ struct Armed {
 
 /// The folder where both meet, which nobody else can write to.
 fn meeting() -> Result<PathBuf, CliError> {
-    let state = || std::env::home_dir().map(|home| home.join(".local").join("state"));
-    let of = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let base = if cfg!(windows) { of("LOCALAPPDATA") } else { of("XDG_STATE_HOME").or_else(state) };
-    let base = base.ok_or_else(|| CliError::usage("no folder of the user's own is known").hint("set HOME"))?;
-    let folder = base.join("spf").join("mcp");
+    // Not where the environment says: that of a client's programs is another than that of a terminal.
+    let home = std::env::home_dir().ok_or_else(|| CliError::usage("no folder of the user's own is known").hint("set HOME"))?;
+    let folder = home.join(".spf").join("mcp");
     std::fs::create_dir_all(&folder)
         .map_err(|error| CliError::internal(format!("cannot make `{}`", folder.display())).because(&error))?;
     #[cfg(unix)]
@@ -97,8 +95,10 @@ fn watch(path: &Path, told: &str, stop: &AtomicBool, deck: &Weak<Deck>) {
     while !stop.load(Ordering::Relaxed) {
         let Some(deck) = deck.upgrade() else { return };
         if let Ok(text) = spf_input::read_text(&armed(path)) {
+            let is_fresh = age(&armed(path)).is_some_and(|age| age < GONE);
             // Once, whatever it says.
             if std::fs::remove_file(armed(path)).is_ok()
+                && is_fresh
                 && let Ok(Armed { minutes }) = serde_json::from_str(&text)
             {
                 deck.arm(Duration::from_secs(60 * u64::from(minutes)));
@@ -114,15 +114,18 @@ fn watch(path: &Path, told: &str, stop: &AtomicBool, deck: &Weak<Deck>) {
     }
 }
 
+/// How long ago a file was written.
+fn age(path: &Path) -> Option<Duration> {
+    let written = std::fs::metadata(path).and_then(|data| data.modified()).ok()?;
+    SystemTime::now().duration_since(written).ok()
+}
+
 /// The servers that are there.
 fn servers(folder: &Path) -> Vec<(PathBuf, Told)> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().map_while(Result::ok).map(|entry| entry.path());
-    let lives = |path: &PathBuf| {
-        let written = std::fs::metadata(path).and_then(|data| data.modified()).ok()?;
-        SystemTime::now().duration_since(written).ok().filter(|age| *age < GONE)
-    };
+    let lives = |path: &PathBuf| age(path).is_some_and(|age| age < GONE);
     let mut found: Vec<(PathBuf, Told)> = entries
-        .filter(|path| path.extension().is_some_and(|kind| kind == "json") && lives(path).is_some())
+        .filter(|path| path.extension().is_some_and(|kind| kind == "json") && lives(path))
         .filter_map(|path| Some((path.clone(), serde_json::from_str(&spf_input::read_text(&path).ok()?).ok()?)))
         .collect();
     found.sort_by_key(|(_, told)| told.process);

@@ -29,6 +29,8 @@ const MAX_TIME_S: &str = "900";
 pub(super) struct Craft {
     /// The command's flags, with any instruction.
     flight: Fly,
+    /// What they, the files and the environment say at the start: no file that somebody changes later changes the drone or its limits.
+    settings: Settings,
     cockpit: Option<Cockpit>,
     folder: PathBuf,
     /// In a few words.
@@ -68,8 +70,15 @@ impl Craft {
             // Without its address.
             name.split([':', '@', '#']).next().unwrap_or(name).to_owned()
         };
+        settings.fly.max_time_s.default_to(MAX_TIME_S);
+        if answers.is_none() {
+            settings.fly.vlm.argument("--vlm", HUMAN);
+        }
+        // Many flights: each in a folder of its own.
+        settings.fly.out.argument("--out", "");
         Ok(Self {
             flight,
+            settings,
             cockpit,
             folder,
             words,
@@ -118,8 +127,8 @@ impl Craft {
         cockpit.host_assistant(&self.words, self.real.then(|| Box::new(arm) as ArmAssistant));
     }
 
-    fn settings(&self, wanted: &Wanted, printer: &Printer) -> Result<Settings, CliError> {
-        let mut settings = Settings::of(&self.flight.flight.settings, printer)?;
+    fn settings(&self, wanted: &Wanted) -> Result<Settings, CliError> {
+        let mut settings = self.settings.clone();
         if let Some(scene) = &wanted.scene {
             if self.scene.is_empty() {
                 return Err(CliError::usage("a scene is for the simulated craft"));
@@ -130,19 +139,13 @@ impl Craft {
             }
             settings.fly.scene.argument("scene", scene);
         }
-        settings.fly.max_time_s.default_to(MAX_TIME_S);
-        if self.answers.is_none() {
-            settings.fly.vlm.argument("--vlm", HUMAN);
-        }
-        // Many flights: each in a folder of its own.
-        settings.fly.out.argument("--out", "");
         Ok(settings)
     }
 
     fn flown(&self, wanted: &Wanted, seat: Seat) -> Result<Flown, CliError> {
         let Seat { operator, orders, mut watch, pointing, given_up, folder } = seat;
         let printer = Printer::new(true);
-        let mut settings = self.settings(wanted, &printer)?;
+        let mut settings = self.settings(wanted)?;
         let assistant = Assistant { pointing: &pointing, has_instructed: wanted.instruction.is_some() };
         let others = Others { cockpit: self.cockpit.as_ref(), assistant: Some(assistant) };
         let flight = Fly { instruction: wanted.words().to_owned(), flight: self.flight.flight.clone() };
@@ -155,8 +158,8 @@ impl Craft {
             .map_err(|error| CliError::usage("no folder for the flight's files").because(&error))?;
         drop(folder.set(out.path().to_owned()));
         if let (Some(cockpit), Some(craft)) = (&self.cockpit, by_hand) {
-            // Whoever watches over a real drone and is gone watches no longer.
-            cockpit.begin(page::controls(orders, craft, reader, self.real));
+            // Whoever watches and is gone watches no longer: it holds, and lands.
+            cockpit.begin(page::controls(orders, craft, reader, true));
         }
         let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: None };
         let plan = FlightPlan { record: Some(record), operator: Some(operator), ..plan };
@@ -204,8 +207,8 @@ impl Hangar for Craft {
     }
 
     fn read(&self, wanted: &Wanted) -> Result<String, String> {
+        let settings = self.settings(wanted).map_err(|error| error.to_string())?;
         let Some(instruction) = &wanted.instruction else { return Ok(String::new()) };
-        let settings = self.settings(wanted, &Printer::new(true)).map_err(|error| error.to_string())?;
         let printer = Printer::new(true);
         if refusal::is_on(&settings, true).map_err(|error| error.to_string())? {
             refusal::check(&settings, instruction, &printer).map_err(|error| error.to_string())?;
