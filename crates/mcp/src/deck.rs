@@ -168,6 +168,27 @@ impl Flight {
         id == format!("flight-{}", self.number)
     }
 
+    /// Whether it is about to go on by an order that it has not told of yet, or flies to a point.
+    #[must_use]
+    pub fn is_going(&self) -> bool {
+        self.orders.is_going()
+    }
+
+    /// Whether it has told of every order.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        self.orders.is_heard()
+    }
+
+    /// Why it did not take place, if so.
+    #[must_use]
+    pub fn failed(&self) -> Option<String> {
+        match &*self.landed.borrow() {
+            Some(Landed::Failed(why)) => Some(format!("the flight did not take place: {why}")),
+            _ => None,
+        }
+    }
+
     /// Whether the craft is on the ground again.
     #[must_use]
     pub fn is_over(&self) -> bool {
@@ -417,9 +438,9 @@ impl Deck {
         }
         inner.admits(&flight, "fly")?;
         match flight.phase() {
-            Some(Phase::Held | Phase::Hovering) => {}
+            Some(Phase::Held | Phase::Hovering) if !flight.orders.is_going() => {}
             Some(Phase::Landing | Phase::Returning) => return Err(LANDS.to_owned()),
-            Some(Phase::Flying) => {
+            Some(Phase::Held | Phase::Hovering | Phase::Flying) => {
                 return Err(format!(
                     "the flight `{}` is under way with \"{}\": wait for it with `wait_flight`, or `hold` first",
                     flight.id(),
@@ -490,8 +511,8 @@ impl Deck {
         self.heed(&mut inner, &flight);
         inner.admits(&flight, "point")?;
         self.consent.go_on(Instant::now())?;
-        if flight.orders.is_pointing() {
-            return Err("a step is under way: wait for the answer of that `point`, or `hold`".to_owned());
+        if flight.orders.is_going() {
+            return Err("the drone is on its way already: wait for the answer of that `point` or `fly`, or `hold`".to_owned());
         }
         match flight.phase() {
             Some(Phase::Held | Phase::Hovering) => {}

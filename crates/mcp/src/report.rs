@@ -54,6 +54,7 @@ impl State {
             Some(None | Some(Phase::Ground)) => Self::Starting,
             Some(Some(Phase::TakeOff)) => Self::TakingOff,
             Some(Some(Phase::Flying)) => Self::Flying,
+            Some(Some(Phase::Held | Phase::Hovering)) if flight.is_some_and(Flight::is_going) => Self::Flying,
             Some(Some(Phase::Held)) => Self::Holding,
             Some(Some(Phase::Manual)) => Self::ByHand,
             Some(Some(Phase::Hovering)) => Self::Hovering,

@@ -570,6 +570,9 @@ impl Server {
         if self.wait(&flight, TAKE_OFF, ctx, airborne).await == Waited::Cancelled {
             return refused(CANCELLED);
         }
+        if let Some(why) = flight.failed() {
+            return refused(why);
+        }
         let progress = Progress::of(&flight, 1);
         answer(&progress, progress.words(), None)
     }
@@ -634,6 +637,10 @@ impl Server {
     async fn wait_and_tell(&self, flight: Flight, number: u32, most: Duration, ctx: &RequestContext<RoleServer>) -> Answer {
         let mut held: Option<Instant> = None;
         let over = |flight: &Flight| {
+            if !flight.is_heard() {
+                held = None;
+                return false;
+            }
             let seen = flight.seen.borrow();
             let holds = matches!(seen.phase, Some(Phase::Held | Phase::Manual)) && seen.instructions >= number;
             held = if holds { held.or_else(|| Some(Instant::now())) } else { None };
@@ -642,6 +649,9 @@ impl Server {
         };
         if self.wait(&flight, most, ctx, over).await == Waited::Cancelled {
             return refused(CANCELLED);
+        }
+        if let Some(why) = flight.failed() {
+            return refused(why);
         }
         let progress = Progress::of(&flight, number);
         answer(&progress, progress.words(), None)

@@ -173,10 +173,17 @@ impl Orders {
         (given.step, given.limited) = (Step::Given, Vec::new());
     }
 
-    /// Whether what was pointed at is on its way.
+    /// Whether what was pointed at, or an instruction, is on its way: the flight is about to go on.
     #[must_use]
-    pub fn is_pointing(&self) -> bool {
-        self.given().step != Step::None
+    pub fn is_going(&self) -> bool {
+        let given = self.given();
+        given.step != Step::None || given.events.iter().any(|(event, _)| *event == OperatorEvent::Resume)
+    }
+
+    /// Whether the flight has told of every order.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        self.given().events.is_empty()
     }
 
     fn given(&self) -> std::sync::MutexGuard<'_, Given> {

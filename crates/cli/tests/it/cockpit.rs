@@ -9,7 +9,7 @@ use crate::harness::{Lab, skip};
 use crate::python;
 
 /// One browser at a time: two of them, each with a simulator beside it, leave too little of a small machine for what they time.
-static BROWSER: Mutex<()> = Mutex::new(());
+pub(crate) static BROWSER: Mutex<()> = Mutex::new(());
 
 /// Runs parts of the script in a browser.
 #[allow(clippy::print_stdout, reason = "how long each part took is for people")]

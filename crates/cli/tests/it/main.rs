@@ -24,7 +24,7 @@ mod log;
 #[cfg(unix)]
 mod manual;
 mod mavlink;
-#[cfg(feature = "mcp")]
+#[cfg(all(unix, feature = "mcp"))]
 mod mcp;
 mod operator;
 mod python;

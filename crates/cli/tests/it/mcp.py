@@ -601,7 +601,7 @@ METHODS = [
 ]
 FIELDS = {
     "fly": ("instruction", "wait_s", "scene"), "wait_flight": ("flight_id", "wait_s"), "get_flight": ("flight_id",),
-    "take_off": ("scene",), "point": ("u", "v", "depth", "frame"),
+    "take_off": ("scene",), "point": ("u", "v", "depth", "look", "frame"),
     "look": (), "status": (), "hold": (), "land": (), "stop": (), "list_flights": (), "list_scenes": (),
 }
 
@@ -643,7 +643,7 @@ def thing(chance):
         lambda: chance.choice([0, 1, -1, 5, 10, 255, 256, 2**31, 2**53 + 1, -2**63, 2**64, 10**40]),
         lambda: chance.choice([0.5, -0.0, 1e-320, 1e308, 1.5, chance.random()]),
         lambda: chance.choice(["NaN", "Infinity", "null", "1", PERSON, "office", "office@99999999999"]),
-        lambda: chance.choice(["../outside", "ours", "link", "/etc/passwd"]),
+        lambda: chance.choice(["../outside", "ours", "link", "/etc/passwd", "left"]),
         lambda: text(chance),
         lambda: [thing(chance) for _ in range(chance.randrange(3))],
         lambda: {text(chance): thing(chance)},
@@ -768,7 +768,7 @@ def unarmed(assistant):
     status = assistant.call("status")
     assert status.real and status.state == "on_ground" and status.consent.startswith("not armed"), status
     assistant.refused("take_off", f"{HOW}.*Arm the assistant.*spf mcp arm")
-    assistant.refused("fly", HOW, instruction=PERSON)
+    assistant.refused("fly", f"{HOW}|no vision-language model", instruction=PERSON)
     assistant.refused("point", "no flight", u=0.5, v=0.5, depth=1)
     assistant.refused("land", "no flight")
     assert "no flight" in assistant.call("stop").done

@@ -2,19 +2,17 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::PoisonError;
 
+use crate::cockpit::BROWSER;
 use crate::harness::{Lab, skip, warn};
 use crate::python;
-
-/// One part at a time: each has several simulators, and times what they do.
-static PART: Mutex<()> = Mutex::new(());
 
 /// Runs a part of the script.
 #[allow(clippy::print_stdout, reason = "how long each part took is for people")]
 fn assistants(part: &str) {
     let Some(python) = python::environment() else { return };
-    let _alone = PART.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mcp.py");
     let mut command = Command::new(python);

@@ -55,6 +55,10 @@ fn simplify(schema: &mut Value) {
                     map.extend(only);
                 }
             }
+            // Of Rust's numbers; other readers know none of them.
+            if map.get("format").is_some_and(Value::is_string) {
+                map.remove("format");
+            }
             if map.get("default") == Some(&Value::Null) {
                 map.remove("default");
             }
