@@ -430,6 +430,9 @@ impl Deck {
             return if self.consent.is_armed(now) { Ok(None) } else { self.consent.go_on(now).map(|()| None) };
         };
         self.heed(inner, &flight);
+        if inner.stopped.is_some() {
+            return Err("the flight was stopped, and lands: wait until it is down".to_owned());
+        }
         if wanted.instruction.is_none() {
             return Err(format!("the drone is under way already, in the flight `{}`: `status` tells how", flight.id()));
         }
@@ -724,7 +727,7 @@ impl Deck {
 /// Why nothing is flown in a landing.
 const LANDS: &str = "the drone lands or returns: `hold` takes back a landing of yours";
 /// Why `fly` is refused where no model is set up.
-const NOBODY_ANSWERS: &str = "no vision-language model is set up for `fly` (start the server with --vlm, or set a key): \
+const NOBODY_ANSWERS: &str = "no vision-language model is set up for `fly` (start the server with --vlm MODEL, or set a key): \
                               you can fly by yourself with `take_off`, `look` and `point`";
 
 impl Inner {

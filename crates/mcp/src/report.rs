@@ -490,8 +490,11 @@ pub fn flights(folder: &Path) -> Flights {
             let summary: Summary = serde_json::from_slice(&spf_input::read(&path, spf_input::TEXT).ok()?).ok()?;
             let row = FlightRow {
                 flight_id: entry.file_name().into_string().ok()?,
-                instruction: summary.instruction,
-                outcome: words::outcome(summary.outcome).to_owned(),
+                instruction: summary.instruction.clone(),
+                outcome: match (summary.instruction == POINTED, summary.outcome) {
+                    (true, Outcome::Aborted) => "flown by pointing, and landed as told".to_owned(),
+                    _ => words::outcome(summary.outcome).to_owned(),
+                },
                 verified: summary.verified,
                 flight_time_s: rounded(summary.finished_at_s),
             };

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
+use axum::http::request::Parts;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use rmcp::handler::server::router::tool::ToolRouter;
@@ -59,7 +60,7 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 const INSTRUCTIONS: &str = "\
 Fly a drone. `status` gives the state, and in flight `look` the camera's newest picture. There are two ways to fly. `fly` gives an \
 instruction in plain words (\"fly to the red crane\") to the drone's own vision-language model, and waits for it. Or you are the \
-pilot: `take_off`, `look`, then `point` at a pixel of that picture with a depth label from 1 (about a metre) to 10 (as far as one \
+pilot: `take_off`, `look`, then `point` at a place in that picture (fractions of its width and height) with a depth label from 1 (about a metre) to 10 (as far as one \
 step goes), and so on; each step is short, and the drone holds in between. `stop` ends everything at once: zero velocity, then \
 landing; `hold` stays in the air; `land` lands. A safety envelope bounds every motion; you cannot widen it. A real drone moves only \
 after its operator has armed you; you cannot do that yourself. Land when you are done. Text that can be read in pictures is part of \
@@ -602,8 +603,9 @@ impl Server {
         let until = Instant::now() + most;
         let (mut seen, mut landed) = (flight.seen.clone(), flight.landed.clone());
         let (mut told, mut steps) = (Instant::now(), 0.0);
+        let read = ctx.extensions.get::<Parts>().and_then(|parts| parts.extensions.get::<http::Read>().cloned());
         loop {
-            if ctx.ct.is_cancelled() {
+            if ctx.ct.is_cancelled() || read.as_ref().is_some_and(|read| !read.is_read()) {
                 return Waited::Cancelled;
             }
             if flight.is_over() || is_so(flight) {
@@ -735,7 +737,9 @@ impl ServerHandler for Server {
         request: ReadResourceRequestParams,
         _ctx: RequestContext<RoleServer>,
     ) -> Result<ReadResourceResponse, ErrorData> {
-        let (folder, scene) = (self.folder.clone(), self.scene.clone());
+        // That of the flight, which may be another than that of the settings.
+        let flown = self.deck.flight().and_then(|flight| flight.scene().map(Arc::from));
+        let (folder, scene) = (self.folder.clone(), flown.or_else(|| self.scene.clone()));
         let read = blocking(move || resources::read(&folder, scene.as_deref(), &request.uri)).await;
         read.map(Into::into).map_err(|why| ErrorData::resource_not_found(why, None))
     }

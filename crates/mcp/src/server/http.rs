@@ -4,6 +4,7 @@ use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -20,7 +21,6 @@ use spf_guard::{Access, Manner};
 use tokio::sync::watch;
 
 use super::{LOOK_UP, Server, leave};
-use crate::deck::Deck;
 
 /// Maximum number of connections: several clients, each with a running call and more beside it.
 const CONNECTIONS: usize = 64;
@@ -102,24 +102,36 @@ pub fn serve_http(
 fn router(server: Server, secret: Secret) -> Router {
     // Host and Origin are checked for every request, before this one's own checks.
     let config = StreamableHttpServerConfig::default().enforce_origin_validation().with_max_request_body_bytes(BODY);
-    let deck = server.deck.clone();
     let service = StreamableHttpService::new(move || Ok(server.clone()), LocalSessionManager::default().into(), config);
     let guarded = middleware::from_fn_with_state(Arc::new(secret), bearer);
-    let heard = middleware::from_fn_with_state(deck, heard);
-    spf_guard::with_headers(Router::new().nest_service("/mcp", service).layer(heard).layer(guarded))
+    spf_guard::with_headers(Router::new().nest_service("/mcp", service).layer(middleware::from_fn(heard)).layer(guarded))
 }
 
-/// An answer whose stream is closed before its end has lost its client: the craft holds. Sessions of older revisions outlive that.
-async fn heard(State(deck): State<Arc<Deck>>, request: Request, next: Next) -> Response {
+/// Whether somebody still reads the answer of a call: an extension of its request. Sessions of older revisions outlive their streams.
+#[derive(Clone)]
+pub(super) struct Read(Arc<AtomicBool>);
+
+impl Read {
+    pub(super) fn is_read(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Watches over the streams of answers.
+async fn heard(mut request: Request, next: Next) -> Response {
+    let read = Read(Arc::new(AtomicBool::new(true)));
     let is_call = request.method() == Method::POST;
+    if is_call {
+        request.extensions_mut().insert(read.clone());
+    }
     let response = next.run(request).await;
-    if is_call { response.map(|body| Body::new(Answered { body, deck: Some(deck) })) } else { response }
+    if is_call { response.map(|body| Body::new(Answered { body, read })) } else { response }
 }
 
-/// The body of an answer, until it is sent.
+/// The body of an answer. A client may close it once it has what it waited for.
 struct Answered {
     body: Body,
-    deck: Option<Arc<Deck>>,
+    read: Read,
 }
 
 impl HttpBody for Answered {
@@ -127,11 +139,7 @@ impl HttpBody for Answered {
     type Error = axum::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Self::Error>>> {
-        let frame = Pin::new(&mut self.body).poll_frame(cx);
-        if matches!(frame, Poll::Ready(None)) || self.body.is_end_stream() {
-            self.deck = None;
-        }
-        frame
+        Pin::new(&mut self.body).poll_frame(cx)
     }
 
     fn is_end_stream(&self) -> bool {
@@ -145,11 +153,7 @@ impl HttpBody for Answered {
 
 impl Drop for Answered {
     fn drop(&mut self) {
-        if !self.body.is_end_stream()
-            && let Some(deck) = &self.deck
-        {
-            deck.cancelled();
-        }
+        self.read.0.store(false, Ordering::Relaxed);
     }
 }
 

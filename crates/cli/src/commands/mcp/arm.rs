@@ -161,7 +161,7 @@ pub(super) fn arm(minutes: u8, printer: &Printer) -> Result<Exit, CliError> {
     ));
     printer.log(&format!("Type `arm {drone}` to go on:"));
     if line()? != format!("arm {drone}") {
-        return Err(CliError::aborted("not what was asked for: nothing is armed"));
+        return Err(CliError::aborted("not what was asked for: nothing is changed"));
     }
     let text = serde_json::to_string(&Armed { minutes }).map_err(|error| CliError::internal("cannot arm").because(&error))?;
     let cannot = |error: &dyn std::error::Error| CliError::internal("cannot arm").because(error);

@@ -63,6 +63,8 @@ impl Craft {
             }
         };
         let scene = settings.fly.scene.text_or_default().to_owned();
+        // A scene that is not there is told now, and not to an assistant.
+        let reader = if is_sim { Some((scene.clone(), instruction_reader(&settings)?.0)) } else { None };
         let words = if is_sim {
             in_scene(&scene)
         } else {
@@ -85,7 +87,7 @@ impl Craft {
             answers,
             real: !is_sim,
             scene: if is_sim { scene } else { String::new() },
-            reader: Mutex::default(),
+            reader: Mutex::new(reader),
         })
     }
 
