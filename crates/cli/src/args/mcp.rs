@@ -4,8 +4,10 @@ use std::net::SocketAddr;
 
 use clap::{Args, Subcommand};
 
+use super::CameraArgs;
 use super::taken::OfFlight;
-use super::{CameraArgs, FlightArgs, Fly};
+#[cfg(feature = "mcp")]
+use super::{FlightArgs, Fly};
 use crate::settings::Flags;
 
 /// Lets an assistant look, fly and stop, by the Model Context Protocol: on standard input and output, until its client ends, or
@@ -48,6 +50,7 @@ pub(crate) enum McpCommand {
     },
 }
 
+#[cfg(feature = "mcp")]
 impl Mcp {
     /// The flight of an instruction with these flags.
     pub(crate) fn flight(&self, instruction: &str) -> Fly {

@@ -30,7 +30,9 @@ pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video};
-pub(crate) use mcp::{Mcp, McpCommand};
+pub(crate) use mcp::Mcp;
+#[cfg(feature = "mcp")]
+pub(crate) use mcp::McpCommand;
 pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
