@@ -79,7 +79,7 @@ pub struct Server {
 }
 
 /// Arguments of `fly`.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Fly {
     /// What to do, in plain words: "Take off and fly to the red crane". 1 to 2000 characters.
@@ -113,7 +113,7 @@ struct GetFlight {
 }
 
 /// Arguments of `take_off`.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct TakeOff {
     /// One of `list_scenes`, for a simulated craft; that of the server if left out.
@@ -206,6 +206,13 @@ fn answer(structure: &impl Serialize, words: String, picture: Option<&Picture>) 
     result.content = vec![ContentBlock::text(words)];
     result.content.extend(picture.map(|picture| ContentBlock::image(STANDARD.encode(&picture.jpeg), "image/jpeg")));
     Ok(result)
+}
+
+/// A call in words: its tool and what it was given.
+fn named(tool: &str, arguments: &impl Serialize) -> String {
+    let mut given = serde_json::to_value(arguments).unwrap_or_default();
+    schema::without_nulls(&mut given);
+    format!("{tool} {given}")
 }
 
 /// Why nothing was done, for the model to read.
@@ -352,7 +359,7 @@ impl Server {
         InputResponses(answers): InputResponses,
         ctx: RequestContext<RoleServer>,
     ) -> Response {
-        match self.consent(&format!("fly {fly:?}"), state.as_deref(), answers.as_ref(), &ctx) {
+        match self.consent(&named("fly", &fly), state.as_deref(), answers.as_ref(), &ctx) {
             Some(other) => other,
             None => self.flown(fly, &ctx).await.map(Into::into),
         }
@@ -400,7 +407,7 @@ impl Server {
         InputResponses(answers): InputResponses,
         ctx: RequestContext<RoleServer>,
     ) -> Response {
-        match self.consent(&format!("take_off {take_off:?}"), state.as_deref(), answers.as_ref(), &ctx) {
+        match self.consent(&named("take_off", &take_off), state.as_deref(), answers.as_ref(), &ctx) {
             Some(other) => other,
             None => self.taken_off(take_off, &ctx).await.map(Into::into),
         }

@@ -1,6 +1,6 @@
 """An assistant flies by `spf mcp`, with PyPI's client of the protocol, by hand-written messages, and with an operator at the cockpit.
 
-Arguments: the program, and parts of this: clients, stops, strangers, fuzz, tello, px4, inspector.
+Arguments: the program, and parts of this: clients, stops, strangers, fuzz, tello, asked, px4, inspector.
 """
 import sys
 
@@ -33,6 +33,7 @@ from cockpit_lab import LAPTOP, SPF, Program, accessible, complain, page_of, pha
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 from mcp.client.streamable_http import streamable_http_client
+from mcp.types import ElicitResult
 from PIL import Image
 from playwright.sync_api import expect, sync_playwright
 
@@ -54,8 +55,8 @@ def later(coroutine):
 class Assistant:
     """PyPI's client of a server. Every answer is checked against the schema of its tool."""
 
-    def __init__(self, transport, mode="auto"):
-        self.client = Client(transport, mode=mode)
+    def __init__(self, transport, mode="auto", asks=None):
+        self.client = Client(transport, mode=mode, elicitation_callback=asks)
         self.leaving = asyncio.Event()
         self.there = threading.Event()
         self.life = later(self.live())
@@ -129,11 +130,11 @@ class Assistant:
         return self.seen(lambda status: status.state == "flying" and status.speed_m_s > 0.3, "a flight that moves")
 
 
-def by_stdio(*args, mode="auto", env=()):
-    """A client that starts its server, and the file with what that prints."""
+def by_stdio(*args, mode="auto", env=(), asks=None):
+    """A client that starts its server, and the file with what that prints; `asks` answers what its user is asked."""
     told = pathlib.Path(f"told-{time.monotonic_ns()}.txt").absolute()
     server = StdioServerParameters(command=SPF, args=["mcp", *args], env=dict(env))
-    return Assistant(stdio_client(server, errlog=told.open("w")), mode), told
+    return Assistant(stdio_client(server, errlog=told.open("w")), mode, asks), told
 
 
 def by_http(server, mode="auto"):
@@ -692,6 +693,32 @@ def tello():
     served.end()
 
 
+def asked():
+    """A client that asks its user arms for the words alone, in the revision that can ask."""
+    served = Program("sim", "serve", "--tello", "--listen", own(1), "--scene", "office", "--quality", "draft", ready="UDP (127[^;]+)")
+    env = {"HOME": str(pathlib.Path("state").absolute()), "SPF_TELLO_LOCAL": own(2)}
+    questions, words = [], ["no", "arm tello"]
+
+    async def typed_by_the_user(_context, question):
+        questions.append(question.message)
+        return ElicitResult(action="accept", content={"words": words[min(len(questions), 2) - 1]})
+
+    args = ("--drone", f"tello@{served.url}", "--vlm", "human", "--no-video")
+    for mode, asks_too in (("auto", ()), ("legacy", ("--ask-in-client",))):
+        silent, _ = by_stdio(*args, *asks_too, mode=mode, env=env, asks=typed_by_the_user)
+        silent.refused("take_off", "armed the assistant")
+        silent.end()
+    assert not questions, questions
+    assistant, _ = by_stdio(*args, "--ask-in-client", env=env, asks=typed_by_the_user)
+    assistant.refused("take_off", "did not type")
+    assert "arm tello" in questions[0] and "not armed" in assistant.call("status").consent, questions
+    assert assistant.call("take_off").state == "holding" and len(questions) == 2, questions
+    assistant.call("land")
+    assistant.until("on_ground")
+    assistant.end()
+    served.end()
+
+
 def px4():
     """A virtual PX4 with a camera by RTSP."""
     link = f"{own(1)}:14540"
@@ -858,7 +885,7 @@ def inspector():
     assert run.returncode == 0 and json.loads(run.stdout)["structuredContent"]["state"] == "on_ground", run
 
 
-PARTS = {part.__name__: part for part in (clients, stops, strangers, fuzz, tello, px4, inspector)}
+PARTS = {part.__name__: part for part in (clients, stops, strangers, fuzz, tello, asked, px4, inspector)}
 if sys.argv[2] == "caller":
     caller()
 else:

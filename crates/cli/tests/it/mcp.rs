@@ -62,6 +62,12 @@ fn a_tello_moves_only_once_its_operator_has_armed_the_assistant() {
 }
 
 #[test]
+#[ignore = "flies in real time, with Python: .ci/interop runs it"]
+fn a_client_that_asks_its_user_arms_for_the_words_alone() {
+    assistants("asked");
+}
+
+#[test]
 #[ignore = "flies in real time, with Python and a browser: .ci/interop runs it"]
 fn a_px4_moves_only_once_its_operator_has_armed_the_assistant() {
     with_an_operator("px4");
