@@ -1,5 +1,6 @@
 //! The protocol: tools, prompts and resources, by standard input and output or by HTTP.
 
+mod arguments;
 mod asking;
 mod http;
 mod resources;
@@ -21,17 +22,15 @@ use rmcp::model::{
     CallToolResponse, CallToolResult, ContentBlock, ListResourcesResult, PaginatedRequestParams, ProgressNotificationParam,
     PromptMessage, ReadResourceRequestParams, ReadResourceResponse, Role, ServerCapabilities, ServerConfig,
 };
-use rmcp::schemars::JsonSchema;
 use rmcp::service::RequestContext;
 use rmcp::{
     ErrorData, RoleServer, ServerHandler, ServiceExt as _, prompt, prompt_handler, prompt_router, tool, tool_handler, tool_router,
 };
-use serde::{Deserialize, Serialize};
-use spf_core::query;
-use spf_flight::pointing::Given;
+use serde::Serialize;
 use spf_pilot::Phase;
 use tokio::io::{AsyncRead, ReadBuf};
 
+use self::arguments::{Fly, GetFlight, Nothing, Point, TakeOff, WaitFlight, What};
 use self::asking::{Asked, Asking};
 pub use self::http::{Secret, serve_http, url};
 use crate::deck::{Deck, Flight, Wanted, ended};
@@ -76,123 +75,6 @@ pub struct Server {
     scene: Option<Arc<str>>,
     /// The consent that is asked for in the client; `None` if it is not.
     asking: Option<Arc<Asking>>,
-}
-
-/// Arguments of `fly`.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Fly {
-    /// What to do, in plain words: "Take off and fly to the red crane". 1 to 2000 characters.
-    instruction: String,
-    /// How long to wait for the end, seconds, 0 to 600; 45 if left out. The flight goes on meanwhile and afterwards.
-    #[serde(default)]
-    wait_s: Option<f64>,
-    /// One of `list_scenes`, for a simulated craft on the ground; that of the server if left out.
-    #[serde(default)]
-    scene: Option<String>,
-}
-
-/// Arguments of `wait_flight`.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct WaitFlight {
-    /// The flight, as `fly` has named it; the one under way, or the last one, if left out.
-    #[serde(default)]
-    flight_id: Option<String>,
-    /// How long to wait, seconds, 0 to 600; 45 if left out.
-    #[serde(default)]
-    wait_s: Option<f64>,
-}
-
-/// Arguments of `get_flight`.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct GetFlight {
-    /// The flight, as `list_flights` has named it.
-    flight_id: String,
-}
-
-/// Arguments of `take_off`.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct TakeOff {
-    /// One of `list_scenes`, for a simulated craft; that of the server if left out.
-    #[serde(default)]
-    scene: Option<String>,
-}
-
-/// Arguments of `point`.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Point {
-    /// From the left edge of the picture, 0, to the right one, 1.
-    #[serde(default)]
-    u: Option<f64>,
-    /// From the top edge of the picture, 0, to the bottom one, 1.
-    #[serde(default)]
-    v: Option<f64>,
-    /// How far the step leads, a whole number from 1 to 10: `steps_m` of `look` has the metres. Keep it shorter than the distance.
-    #[serde(default)]
-    depth: Option<u8>,
-    /// Instead of u, v and depth: turn to what is not in the picture, or climb (up) or descend (down) a little.
-    #[serde(default)]
-    look: Option<Side>,
-    /// The frame of `look` that this is about; the newest one if left out.
-    #[serde(default)]
-    frame: Option<u64>,
-}
-
-/// Where to look for what is not in the picture.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum Side {
-    Left,
-    Right,
-    Up,
-    Down,
-    Behind,
-}
-
-impl From<Side> for query::Look {
-    fn from(side: Side) -> Self {
-        match side {
-            Side::Left => Self::Left,
-            Side::Right => Self::Right,
-            Side::Up => Self::Up,
-            Side::Down => Self::Down,
-            Side::Behind => Self::Behind,
-        }
-    }
-}
-
-impl Point {
-    /// What is given about a frame.
-    fn given(&self) -> Result<Box<dyn FnOnce(u64) -> Given + Send>, String> {
-        match (self.u, self.v, self.depth, self.look) {
-            (Some(u), Some(v), Some(depth), None) => {
-                if !((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v) && (1..=10).contains(&depth)) {
-                    return Err(
-                        "u and v are fractions of the picture, from 0 to 1, and depth is a whole number from 1 to 10".to_owned()
-                    );
-                }
-                Ok(Box::new(move |frame| Given::point(u, v, depth, frame)))
-            }
-            (None, None, None, Some(side)) => Ok(Box::new(move |_| Given::look(side.into()))),
-            _ => Err("give u, v and depth to fly to a point, or look alone to turn".to_owned()),
-        }
-    }
-}
-
-/// No arguments.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
-
-/// Arguments of the prompts.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-struct What {
-    /// What: "the red crane", or places separated by commas.
-    what: String,
 }
 
 type Answer = Result<CallToolResult, ErrorData>;

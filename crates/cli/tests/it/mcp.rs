@@ -12,7 +12,6 @@ use crate::python;
 #[allow(clippy::print_stdout, reason = "how long each part took is for people")]
 fn assistants(part: &str) {
     let Some(python) = python::environment() else { return };
-    let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mcp.py");
     let mut command = Command::new(python);
@@ -28,6 +27,7 @@ fn with_an_operator(part: &str) {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("an operator in a browser (no chromium)");
     }
+    let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     assistants(part);
 }
 
