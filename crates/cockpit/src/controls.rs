@@ -255,7 +255,7 @@ impl Controls {
                 vec![OperatorEvent::KeepOut(self.pointing.avoid(*area, *depth, *frame)?)]
             }
             Order::Unavoid(id) => vec![OperatorEvent::KeepOut(self.pointing.unavoid(*id)?)],
-            Order::Look(side) => return self.point(&mut inner, Given::look((*side).into()), now),
+            Order::Look(side) => return self.point(&mut inner, Given::look(*side), now),
             Order::Done => return self.point(&mut inner, Given::done(), now),
             Order::Instruction(_) | Order::Assistant(_) | Order::Ask | Order::Give { .. } => Vec::new(),
         };

@@ -16,7 +16,6 @@ mod instruments;
 mod message;
 mod overlay;
 mod page;
-mod secret;
 mod server;
 mod shared;
 mod tls;

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 use serde_json::error::Category;
-use spf_core::query::Look;
+use spf_flight::pointing::Side;
 
 /// Maximum length of a message, bytes.
 pub(crate) const LONGEST: usize = 16 * 1024;
@@ -111,22 +111,6 @@ pub(crate) enum Order {
     },
 }
 
-/// A side of the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Side {
-    /// To the left.
-    Left,
-    /// To the right.
-    Right,
-    /// Above.
-    Up,
-    /// Below.
-    Down,
-    /// Behind.
-    Behind,
-}
-
 /// A format of live pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -149,18 +133,6 @@ pub(crate) enum ToWatch {
     Shown(u64),
     /// Everything about the decision on this query.
     Open(u64),
-}
-
-impl From<Side> for Look {
-    fn from(side: Side) -> Self {
-        match side {
-            Side::Left => Self::Left,
-            Side::Right => Self::Right,
-            Side::Up => Self::Up,
-            Side::Down => Self::Down,
-            Side::Behind => Self::Behind,
-        }
-    }
 }
 
 impl Order {

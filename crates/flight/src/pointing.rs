@@ -5,6 +5,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use schemars::JsonSchema;
+use serde::Deserialize;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
@@ -26,6 +28,22 @@ const POSES: usize = 1000;
 /// So many frames asked about are remembered besides, for a person may think for long.
 const ASKED: usize = 16;
 
+/// Where to look for what is not in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// To the left.
+    Left,
+    /// To the right.
+    Right,
+    /// Above.
+    Up,
+    /// Below.
+    Down,
+    /// Behind.
+    Behind,
+}
+
 /// What somebody has given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given {
@@ -43,7 +61,14 @@ impl Given {
 
     /// The target is out of view, on this side.
     #[must_use]
-    pub fn look(look: Look) -> Self {
+    pub fn look(side: Side) -> Self {
+        let look = match side {
+            Side::Left => Look::Left,
+            Side::Right => Look::Right,
+            Side::Up => Look::Up,
+            Side::Down => Look::Down,
+            Side::Behind => Look::Behind,
+        };
         Self { pointed: Pointed::Look(look), frame: None }
     }
 

@@ -9,6 +9,7 @@ mod connection_slots;
 mod deadline_stream;
 mod headers;
 mod http1;
+mod secret;
 mod socket;
 
 use std::time::Duration;
@@ -18,6 +19,7 @@ pub use connection_slots::{ConnectionSlots, Place};
 pub use deadline_stream::DeadlineStream;
 pub use headers::with_headers;
 pub use http1::{Manner, Peer, TurnedOut, serve};
+pub use secret::Secret;
 
 /// Maximum number of connections of one server.
 pub const CONNECTIONS: usize = 8;

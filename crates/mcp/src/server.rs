@@ -32,10 +32,11 @@ use tokio::io::{AsyncRead, ReadBuf};
 
 use self::arguments::{Fly, GetFlight, Nothing, Point, TakeOff, WaitFlight, What};
 use self::asking::{Asked, Asking};
-pub use self::http::{Secret, serve_http, url};
+pub use self::http::{serve_http, url};
 use crate::deck::{Deck, Flight, Wanted, ended};
 use crate::picture::Picture;
 use crate::report::{Details, Flights, Look, Ordered, Progress, Scenes, Status, flights};
+pub use spf_guard::Secret;
 
 /// How long `fly` and `wait_flight` wait if nothing else is said: clients give up after a minute.
 const WAIT_S: f64 = 45.0;

@@ -5,7 +5,7 @@ use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use crate::message::Hello;
-use crate::secret::Secret;
+use spf_guard::Secret;
 
 /// Maximum number of sessions; the oldest is forgotten.
 const SESSIONS: usize = 32;

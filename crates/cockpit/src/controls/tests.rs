@@ -5,7 +5,7 @@ use spf_core::craft::Craft;
 use spf_pilot::Phase;
 
 use super::*;
-use crate::message::Side;
+use spf_flight::pointing::Side;
 
 const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
 

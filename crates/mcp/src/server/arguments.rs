@@ -2,8 +2,7 @@
 
 use rmcp::schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spf_core::query;
-use spf_flight::pointing::Given;
+use spf_flight::pointing::{Given, Side};
 
 /// Arguments of `fly`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -69,29 +68,6 @@ pub(super) struct Point {
     pub(super) frame: Option<u64>,
 }
 
-/// Where to look for what is not in the picture.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Side {
-    Left,
-    Right,
-    Up,
-    Down,
-    Behind,
-}
-
-impl From<Side> for query::Look {
-    fn from(side: Side) -> Self {
-        match side {
-            Side::Left => Self::Left,
-            Side::Right => Self::Right,
-            Side::Up => Self::Up,
-            Side::Down => Self::Down,
-            Side::Behind => Self::Behind,
-        }
-    }
-}
-
 impl Point {
     /// What is given about a frame.
     pub(super) fn given(&self) -> Result<Box<dyn FnOnce(u64) -> Given + Send>, String> {
@@ -104,7 +80,7 @@ impl Point {
                 }
                 Ok(Box::new(move |frame| Given::point(u, v, depth, frame)))
             }
-            (None, None, None, Some(side)) => Ok(Box::new(move |_| Given::look(side.into()))),
+            (None, None, None, Some(side)) => Ok(Box::new(move |_| Given::look(side))),
             _ => Err("give u, v and depth to fly to a point, or look alone to turn".to_owned()),
         }
     }

@@ -11,8 +11,8 @@ use rmcp::model::{
     InputResponses,
 };
 
-use super::http::Secret;
 use crate::deck::Deck;
+use spf_guard::Secret;
 
 /// How long the question stays open, and for how long an answer arms.
 const OPEN: Duration = Duration::from_secs(120);

@@ -17,7 +17,7 @@ use axum::response::{IntoResponse as _, Response};
 use http_body::{Frame, SizeHint};
 use rmcp::transport::streamable_http_server::session::local::LocalSessionManager;
 use rmcp::transport::{StreamableHttpServerConfig, StreamableHttpService};
-use spf_guard::{Access, Manner};
+use spf_guard::{Access, Manner, Secret};
 use tokio::sync::watch;
 
 use super::{LOOK_UP, Server, leave};
@@ -28,46 +28,6 @@ const CONNECTIONS: usize = 64;
 const GRACE: Duration = Duration::from_millis(700);
 /// Maximum size of a request, bytes.
 const BODY: usize = 1 << 20;
-
-/// The token of a server, 128 random bits. Its `Debug` does not show it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Secret(String);
-
-impl Secret {
-    /// A new one.
-    ///
-    /// # Errors
-    /// The operating system gives no random numbers.
-    pub fn new() -> io::Result<Self> {
-        let mut bytes = [0; 16];
-        getrandom::fill(&mut bytes).map_err(|error| io::Error::other(error.to_string()))?;
-        Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
-    }
-
-    /// One that the user has chosen; `None` if it is shorter than 16 characters.
-    #[must_use]
-    pub fn chosen(text: &str) -> Option<Self> {
-        (text.len() >= 16 && text.bytes().all(|byte| byte.is_ascii_graphic())).then(|| Self(text.to_owned()))
-    }
-
-    /// The text, to be printed once.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.0
-    }
-
-    /// Whether this is the secret; the time does not depend on where they differ.
-    pub(super) fn is(&self, text: &str) -> bool {
-        let (own, other) = (self.0.as_bytes(), text.as_bytes());
-        own.len() == other.len() && own.iter().zip(other).fold(0, |differing, (a, b)| differing | (a ^ b)) == 0
-    }
-}
-
-impl core::fmt::Debug for Secret {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("Secret(…)")
-    }
-}
 
 /// Serves `http://ADDRESS/mcp` until `stopped` says so, and then until the flight is over. Every request needs `Authorization: Bearer TOKEN`.
 ///
@@ -171,18 +131,4 @@ async fn bearer(State(secret): State<Arc<Secret>>, request: Request, next: Next)
 #[must_use]
 pub fn url(address: SocketAddr) -> String {
     format!("http://{address}/mcp")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn secrets_are_recognised_and_not_shown() {
-        let (one, other) = (Secret::new().unwrap(), Secret::new().unwrap());
-        assert!(one.is(one.text()) && !one.is(other.text()) && !one.is(""));
-        assert_eq!(format!("{one:?}"), "Secret(…)");
-        assert!(Secret::chosen("short").is_none() && Secret::chosen("0123456789 abcdef").is_none());
-        assert!(Secret::chosen("0123456789abcdef").is_some());
-    }
 }
