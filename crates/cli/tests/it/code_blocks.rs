@@ -101,6 +101,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("runs until it is ended; modules serve and view do that")
     } else if has(&["--cockpit"]) || starts(&["cockpit"]) {
         Some("waits for its page; module cockpit opens that")
+    } else if starts(&["mcp"]) {
+        Some("needs the feature mcp, and waits for its client; module mcp has those of others")
     } else if starts(&["bench", "ask"]) {
         Some("waits for answers; module bench gives them")
     } else if has(&["yolov8n.onnx", "depth_anything_v2_vits.onnx"]) {
