@@ -106,11 +106,11 @@ class Assistant:
         answer = self.ask(tool, **arguments)
         assert answer.refused and re.search(words, answer.words), f"{tool} {arguments}: {answer.words}"
 
-    def until(self, state, seconds=60):
+    def until(self, state, seconds=180):
         """The status in which the craft is in this state."""
         return self.seen(lambda status: status.state == state, state, seconds)
 
-    def seen(self, is_so, name, seconds=60):
+    def seen(self, is_so, name, seconds=180):
         """The first status of which something is so. More than a few calls per second are refused."""
         last = None
 
@@ -472,7 +472,7 @@ def leaves():
         leave(wire)
         code = wire.process.wait(120)
         [flight] = pathlib.Path(name).iterdir()
-        whole = {"summary.json", "trajectory.svg", "flight.mcap", "decisions.jsonl"}
+        whole = {"summary.json", "trajectory.svg", "flight.mcap", "decisions.jsonl", "queries.jsonl"}
         assert code == 0 and whole <= set(os.listdir(flight)), f"{code}: {wire.told}"
         summary = json.loads((flight / "summary.json").read_text())
         assert summary["outcome"] == "aborted" and cause in summary["cause"], summary
@@ -539,15 +539,19 @@ def refused_requests(server):
 def flooded(first, second):
     """Calls beyond what can mean anything are refused; in the middle of them a stop works."""
     first.call("take_off")
+    poured = time.monotonic()
     flood = [first.start("status") for _ in range(300)]
     wait(lambda: any(call.done() for call in flood), "the first answers")
     began = time.monotonic()
     assert "zero velocity" in second.call("stop").done
     took = time.monotonic() - began
     answers = [first.answer("status", call.result(60)) for call in flood]
+    # Ten a second are answered; a busy machine takes long for them all.
+    passed = 10 * (time.monotonic() - poured) + 20
     refused = [answer.words for answer in answers if answer.refused]
     print(f"flood: {len(refused)} of {len(flood)} refused; stop answered after {1000 * took:.0f} ms")
-    assert took < 1.5 and len(refused) > len(flood) / 2 and all(TOO_MANY in words for words in refused), f"{took} s: {refused[:3]}"
+    assert took < 1.5 and all(TOO_MANY in words for words in refused), f"{took} s: {refused[:3]}"
+    assert len(refused) >= len(flood) - passed, f"{len(refused)} refused, {passed:.0f} may pass"
     second.until("on_ground")
 
 
@@ -827,7 +831,7 @@ def typed(assistant, page, env):
     run = subprocess.run([SPF, "mcp", "arm"], env={**os.environ, **env}, input="arm tello\n", capture_output=True, text=True, timeout=60)
     assert run.returncode == 2 and "a person at a terminal" in run.stderr, run
     code, told = at_terminal("yes", env)
-    assert code != 0 and "nothing is armed" in told, told
+    assert code != 0 and "nothing is changed" in told, told
     unarmed(assistant)
     code, told = at_terminal("arm tello", env)
     assert code == 0 and "Armed for 10 min and one flight" in told, told
