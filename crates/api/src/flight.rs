@@ -23,8 +23,10 @@ use spf_pilot::policy::Policy;
 use spf_pilot::{Action, Decision, Note, Pilot, PilotSettings};
 use spf_record::OutDir;
 use spf_sim::depth_sensor::DepthSensor;
+use spf_sim::model::Model;
 use spf_vlm::Cancel;
 
+use crate::demands::{Beginning, tighten};
 use crate::error::Error;
 use crate::files::shared_scene;
 use crate::log::{FlightRecord, read_log};
@@ -92,6 +94,8 @@ pub struct Request {
     pub video: bool,
     /// The folder for the flight's files, new or empty; `None` for `flights/NNN-…` in the working directory.
     pub out: Option<PathBuf>,
+    /// Whether to fly although some words of the instruction are used for nothing.
+    pub anyway: bool,
     /// Whether decisions come out of [`Flying::wait`]. The flight waits until each has been looked at.
     pub watched: bool,
 }
@@ -111,6 +115,7 @@ impl Request {
             max_cost_usd: None,
             video: false,
             out: None,
+            anyway: false,
             watched: false,
         }
     }
@@ -286,7 +291,7 @@ pub fn start(request: Request) -> Result<Flying, Error> {
     let mut announcements = Vec::new();
     if is_oracle {
         announcements.push(format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."));
-        announcements.extend(lines(instruction, &loaded, request.start, Given::AsArgument)?);
+        announcements.extend(lines(instruction, &loaded, request.start, Given::AsArgument, request.anyway)?);
     }
     let facts = Facts { has_ranges: false, lists_boxes, flies_moves: false, is_attended: false, on_wall_clock: false };
     let mut settings = method::settings(&request.choices, &facts)?;
@@ -294,7 +299,10 @@ pub fn start(request: Request) -> Result<Flying, Error> {
         (settings.avoid, settings.confirm_done) = (false, false);
     }
     let brake = method::brake(&request.choices, &settings, &facts);
-    let limits = Limits { brake, ..loaded.limits(kind) };
+    let mut limits = Limits { brake, ..loaded.limits(kind) };
+    let height = Some(request.start.unwrap_or(loaded.scene.start).position.up);
+    let from = Beginning { craft: &Model::of(kind).craft, height };
+    announcements.extend(tighten(instruction, request.anyway, from, &mut limits, &mut settings)?);
     let sensor = request.choices.depth_sensor.then_some(DepthSensor { fault: None });
     let site = Site::Simulated(Simulated {
         start: request.start,

@@ -14,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod demands;
 pub mod environment;
 pub mod error;
 pub mod files;

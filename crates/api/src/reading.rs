@@ -9,9 +9,10 @@ use spf_core::time::Time;
 use spf_flight::keys::Pressed;
 use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
-use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
+use spf_oracle::{Account, InstructionReading, Placed, ReadStep, UnknownWord, account, read_instruction};
 use spf_pilot::OperatorEvent;
 
+use crate::demands::refuse_in_flight;
 use crate::error::{Error, one_line, quoted};
 
 /// Maximum number of scene objects listed if no word matches.
@@ -28,6 +29,8 @@ pub enum Given {
     OnPage,
     /// By an assistant, in a call of a tool.
     ByAssistant,
+    /// In a file, for a time of the flight.
+    ByScript,
 }
 
 impl Given {
@@ -43,7 +46,7 @@ impl Given {
     /// What else there is to do than to fly to an object.
     fn advice(self) -> &'static str {
         match self {
-            Self::AsArgument => "the drone lands by itself at the end; to fly manually, use --realtime",
+            Self::AsArgument | Self::ByScript => "the drone lands by itself at the end; to fly manually, use --realtime",
             Self::ByKeys => "to land, press L; to fly manually, the arrow keys, W, A, S and D",
             Self::ByAssistant => "to land, call `land`; to fly by yourself, call `take_off`, `look` and `point`",
             Self::OnPage => "to land, press Land; to fly manually, open Fly by hand",
@@ -51,58 +54,169 @@ impl Given {
     }
 }
 
-/// The lines that show how the instruction is read. `start` is the start pose of the flight, if not the scene's own.
+/// An instruction that is not flown as it stands.
+#[derive(Clone, Debug)]
+pub enum Unflown {
+    /// Nothing in it is understood, so that the flight could only end in a fruitless search.
+    NotUnderstood(Error),
+    /// Some of its words are used for nothing.
+    Unused {
+        /// Those words, and what to do.
+        error: Error,
+        /// Instructions of the same meaning, as far as there is one, in which every word is used.
+        readings: Vec<String>,
+    },
+}
+
+impl From<Unflown> for Error {
+    fn from(unflown: Unflown) -> Self {
+        match unflown {
+            Unflown::NotUnderstood(error) | Unflown::Unused { error, .. } => error,
+        }
+    }
+}
+
+/// The lines that show how the oracle reads an instruction. `start` is the start pose of the flight, if not the scene's own. With
+/// `anyway` words that are used for nothing are announced instead of refused.
 ///
 /// # Errors
-/// Nothing in the instruction is understood, so that the flight could only end in a fruitless search.
-pub fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>, given: Given) -> Result<Vec<String>, Error> {
+/// [`Unflown`].
+pub fn lines(
+    instruction: &str,
+    loaded: &LoadedScene,
+    start: Option<Pose>,
+    given: Given,
+    anyway: bool,
+) -> Result<Vec<String>, Unflown> {
     let objects = loaded.placed(&loaded.cast.starts());
     let from = Some(start.unwrap_or(loaded.scene.start));
     let reading = read_instruction(instruction, &objects, from);
     if !reading.is_understood() {
-        return Err(not_understood(instruction, &reading, loaded, given));
+        return Err(Unflown::NotUnderstood(not_understood(instruction, &reading, loaded, given)));
     }
+    let Account { dropped, mut unused } = account(instruction, &objects, from);
+    // A step of which nothing is understood could only be searched for in vain.
+    let strange = reading.steps.iter().filter(|step| !step.is_understood()).map(|step| step.target.clone());
+    unused.extend(strange.filter(|words| !words.is_empty() && !unused.contains(words)).collect::<Vec<_>>());
     let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
-    let mut lines = vec![format!("reads: {}", steps.join("; then "))];
+    let reads = format!("reads: {}", steps.join("; then "));
+    if !unused.is_empty() && !anyway {
+        let readings = whole_readings(&reading, &objects, from);
+        let error = unused_words(instruction, &unused, &reads, &readings, &reading, given);
+        return Err(Unflown::Unused { error, readings });
+    }
+    let mut lines = vec![reads];
     if !reading.corrections.is_empty() {
         let read =
             reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.written), one_line(&word.read)));
         lines.push(format!("spelling: {}", read.collect::<Vec<_>>().join(", ")));
     }
-    let words = reading.ignored.iter().map(|unknown| {
-        let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
-        format!("\"{}\"{near}", one_line(&unknown.word))
-    });
-    let directions = reading.directions.iter().map(|words| format!("\"{}\" (no object to fly to)", one_line(words)));
-    let ignored: Vec<String> = words.chain(directions).collect();
-    if !ignored.is_empty() {
-        lines.push(format!("ignored: {}", ignored.join(", ")));
+    if !dropped.is_empty() {
+        lines.push(format!("dropped: {} (asks for nothing that the drone could do)", quoted(&dropped)));
     }
-    let unread = unread(instruction, &objects, from);
-    if !unread.is_empty() {
-        lines.push(format!("not understood: {} (the flight ends when the rest is fulfilled)", quoted(&unread)));
+    if !unused.is_empty() {
+        lines.push(format!("not understood: {} (the flight ends when the rest is fulfilled)", quoted(&unused)));
     }
     Ok(lines)
 }
 
+/// The error for words that are used for nothing.
+fn unused_words(
+    instruction: &str,
+    unused: &[String],
+    reads: &str,
+    readings: &[String],
+    reading: &InstructionReading,
+    given: Given,
+) -> Error {
+    let alike = reading.ignored.iter().filter_map(|word| Some(format!("did you mean `{}`?", word.nearest.as_ref()?)));
+    let meant: Vec<String> = alike.collect();
+    let meant = if meant.is_empty() { String::new() } else { format!("; {}", meant.join(" ")) };
+    let message = format!("the oracle has no use for {} in \"{}\"; it {reads}{meant}", quoted(unused), one_line(instruction));
+    let say = match readings {
+        [] => "say it without them".to_owned(),
+        readings => format!("say {}", readings.iter().map(|reading| format!("\"{reading}\"")).collect::<Vec<_>>().join(" or ")),
+    };
+    let anyway = if given == Given::AsArgument { "; --anyway flies without them" } else { "" };
+    Error::usage(message).hint(format!("{say}{anyway}"))
+}
+
+/// Instructions that are near to a reading, and in which every word is used: its steps in plain words, with each of the objects that
+/// the last one may mean.
+fn whole_readings(reading: &InstructionReading, objects: &[Placed<'_>], from: Option<Pose>) -> Vec<String> {
+    let names = |step: &ReadStep| -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let meant = step.candidates.iter().filter_map(|id| objects.iter().find(|object| object.tags.id == *id));
+        for name in meant.map(|object| object.tags.words()).chain(step.alike.iter().cloned()) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    };
+    let Some((last, before)) = reading.steps.split_last() else { return Vec::new() };
+    let before: Option<Vec<String>> = before.iter().map(|step| Some(said(step.verb, names(step).first()?))).collect();
+    let Some(before) = before else { return Vec::new() };
+    let sentence = |name: &String| {
+        let steps: Vec<String> = before.iter().cloned().chain([said(last.verb, name)]).collect();
+        steps.join(", then ")
+    };
+    let is_whole = |text: &String| {
+        let again = read_instruction(text, objects, from);
+        account(text, objects, from).unused.is_empty()
+            && again.steps.len() == reading.steps.len()
+            && again.steps.iter().all(|step| !step.candidates.is_empty())
+    };
+    names(last).iter().map(sentence).filter(is_whole).take(READINGS).collect()
+}
+
+/// Maximum number of readings that are offered.
+const READINGS: usize = 4;
+
+/// A step in plain words.
+fn said(verb: Verb, name: &str) -> String {
+    let verb = match verb {
+        Verb::GoTo => "fly to",
+        Verb::Through => "fly through",
+        Verb::Around => "fly around",
+        Verb::Over => "fly over",
+        Verb::Up => "fly up",
+        Verb::Behind => "fly behind",
+        Verb::Scan => return "look around".to_owned(),
+        Verb::Follow => "follow",
+    };
+    format!("{verb} the {name}")
+}
+
 /// Reads the instructions that are given in flight.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Reader {
-    loaded: Arc<LoadedScene>,
-    start: Option<Pose>,
+    /// The scene and the start, where the oracle reads; `None` where a model does.
+    scene: Option<(Arc<LoadedScene>, Option<Pose>)>,
 }
 
 impl Reader {
-    /// A reader for a scene. The objects are those that are there at the start of the flight, seen from there.
-    pub fn new(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
-        Self { loaded: loaded.clone(), start }
+    /// A reader for the oracle in a scene. The objects are those that are there at the start of the flight, seen from there.
+    pub fn of_oracle(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
+        Self { scene: Some((loaded.clone(), start)) }
+    }
+
+    /// A reader where a model reads: it looks for limits only.
+    pub fn of_model() -> Self {
+        Self { scene: None }
+    }
+
+    fn lines(&self, text: &str, given: Given) -> Result<Vec<String>, Error> {
+        refuse_in_flight(text)?;
+        match &self.scene {
+            Some((loaded, start)) => Ok(lines(text, loaded, *start, given, false)?),
+            None => Ok(Vec::new()),
+        }
     }
 
     /// How an instruction of the page is read, one line; or why it is not flown, in words for a person.
     pub fn understood(&self, text: &str) -> Result<String, String> {
-        lines(text, &self.loaded, self.start, Given::OnPage)
-            .map(|lines| lines.join("; "))
-            .map_err(|error| format!("error: {error}"))
+        self.lines(text, Given::OnPage).map(|lines| lines.join("; ")).map_err(|error| format!("error: {error}"))
     }
 
     /// The lines for an instruction that a script gives at this time.
@@ -110,7 +224,7 @@ impl Reader {
     /// # Errors
     /// As for [`lines`].
     pub fn scripted(&self, at: Time, text: &str) -> Result<Vec<String>, Error> {
-        let lines = lines(text, &self.loaded, self.start, Given::AsArgument)?;
+        let lines = self.lines(text, Given::ByScript)?;
         let at = at.since(Time::ZERO).as_secs_f64();
         Ok(lines.into_iter().map(|line| format!("new instruction at {at} s {line}")).collect())
     }
@@ -125,7 +239,7 @@ impl Reader {
             // The resumption that belongs to a typed instruction is refused with it.
             let resumes = core::mem::take(&mut refused) && event == OperatorEvent::Resume;
             match &event {
-                OperatorEvent::Instruction(text) => match lines(text, &self.loaded, self.start, Given::ByKeys) {
+                OperatorEvent::Instruction(text) => match self.lines(text, Given::ByKeys) {
                     Ok(lines) => printed.extend(lines),
                     Err(error) => {
                         printed.push(format!(
@@ -173,9 +287,9 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
     Error::usage(format!("the oracle{language} cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
-        "{advice}objects in {} include: {}",
-        loaded.scene.name,
-        examples.join(", ")
+        "{advice}objects in {scene} include: {}; `spf sim scenes {scene} --say` lists what can be said",
+        examples.join(", "),
+        scene = loaded.scene.name
     ))
 }
 
@@ -229,16 +343,23 @@ mod tests {
 
     #[test]
     fn an_instruction_in_flight_is_read_and_one_that_says_nothing_is_not_flown() {
-        let reader = Reader::new(&Arc::new(LoadedScene::load("city").unwrap()), None);
+        let reader = Reader::of_oracle(&Arc::new(LoadedScene::load("city").unwrap()), None);
         let typed =
             |text: &str| Pressed { events: vec![OperatorEvent::Instruction(text.to_owned()), OperatorEvent::Resume], hint: None };
-        let (events, lines) = reader.admit(typed("go to teh red cran from above"));
-        assert_eq!(events, typed("go to teh red cran from above").events);
+        let (events, lines) = reader.admit(typed("go to teh red cran"));
+        assert_eq!(events, typed("go to teh red cran").events);
         assert_eq!(lines[0], "reads: fly to → red tower crane");
-        assert!(
-            lines.iter().any(|line| line.starts_with("spelling: "))
-                && lines.iter().any(|line| line.starts_with("not understood: "))
-        );
+        assert!(lines.iter().any(|line| line.starts_with("spelling: ")));
+        // Words that nothing uses, and limits, which are fixed at take-off, by whatever model.
+        for (reader, text, why) in [
+            (reader.clone(), "go to the red crane from above", "no use for \"from above\""),
+            (reader.clone(), "go slowly to the red crane", "\"slowly\" from now on"),
+            (Reader::of_model(), "go slowly to the red crane", "\"slowly\" from now on"),
+        ] {
+            let (events, lines) = reader.admit(typed(text));
+            assert!(events.is_empty() && lines[0].contains(why), "{lines:?}");
+        }
+        assert_eq!(Reader::of_model().admit(typed("fly from above")).0, typed("fly from above").events);
         // The resumption is refused with it, a later one is not: it resumes what was flown before.
         let (events, lines) = reader.admit(typed("qwertzuiop"));
         assert_eq!(events, []);

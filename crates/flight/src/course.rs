@@ -116,7 +116,7 @@ impl Course {
             vlm_use: None,
         };
         self.judge.tell(&mut summary);
-        summary.tell_at_target(said_done);
+        summary.tell_truth(said_done);
         summary
     }
 }

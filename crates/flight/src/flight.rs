@@ -178,6 +178,9 @@ pub enum FlightError {
     Thread(#[source] std::io::Error),
 }
 
+/// Where the instruction demands a distance from the target, within this part of it the target is near.
+const NEAR_STAND_OFF: f64 = 1.6;
+
 /// Flies a plan to its end.
 ///
 /// # Errors
@@ -185,7 +188,9 @@ pub enum FlightError {
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, depth_network, .. } = plan;
     let depth_name = depth_network.as_ref().map(|depth| depth.network.name().to_owned());
-    let near_m = plan.settings.near_m.or_else(|| Some(site.near_m()));
+    let near_m = plan.settings.near_m.unwrap_or_else(|| site.near_m());
+    // Who stops before the target is there.
+    let near_m = Some(plan.settings.stand_off_m.map_or(near_m, |least| near_m.max(NEAR_STAND_OFF * least)));
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
     let drone: Box<dyn Drone> = match depth_network {
         Some(plan) if clock == Clock::Virtual => Box::new(WithDepth::in_virtual_time(drone, plan)),

@@ -154,6 +154,15 @@ pub struct Summary {
     pub vlm_use: Option<VlmUse>,
 }
 
+/// A summary as `summary.json` and `spf fly --json` have it: durations in seconds, numbers of at most six digits.
+#[must_use]
+pub fn in_seconds(summary: &Summary) -> serde_json::Value {
+    serde_json::to_value(summary).map(spf_record::people::for_people).unwrap_or_default()
+}
+
+/// How the pilot says that a VLM's *done* has ended the flight.
+const FULFILLED: &str = "the instruction is fulfilled";
+
 impl Summary {
     /// Whether the flight ended at its target by ground truth, although nobody had said so: a limit, or the operator, ended it.
     #[must_use]
@@ -161,9 +170,13 @@ impl Summary {
         self.verified == Some(true) && matches!(self.outcome, Outcome::Timeout | Outcome::Aborted)
     }
 
-    /// Tells in the cause that it did; otherwise the outcome would seem to contradict the ground truth. `said_done`: the VLM had said
-    /// done, but was not believed.
-    pub(crate) fn tell_at_target(&mut self, said_done: bool) {
+    /// Makes the cause agree with the ground truth, or with its absence: that the instruction is fulfilled is what the VLM says.
+    /// `said_done`: it had said so before a limit ended the flight, but was not believed.
+    pub(crate) fn tell_truth(&mut self, said_done: bool) {
+        if self.outcome == Outcome::Reached && self.verified != Some(true) && self.cause == FULFILLED {
+            let early = if self.verified == Some(false) { ", too early or at something else" } else { "" };
+            self.cause = format!("the VLM reports the instruction as fulfilled{early}");
+        }
         if self.is_at_target() {
             let done = if said_done { "the VLM said done, but did not confirm it" } else { "the VLM never said done" };
             self.cause = format!("{}; the craft was at its target, and {done}", self.cause);

@@ -13,6 +13,7 @@ use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
 use super::language::resolve::meant;
+use super::limits::stand_off;
 use super::percept::{Percept, logistic};
 use super::sight::{PerceivedObject, slopes};
 use super::signs;
@@ -38,10 +39,15 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
     }
 }
 
+/// Where the instruction keeps a distance from its target, within this part of it the target is near.
+const NEAR_STAND_OFF: f64 = 1.6;
+
 /// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
-    let view = Inputs { oracle, query, percept, seen: &seen };
+    let stand_off = if oracle.brief.is_some() { None } else { stand_off(&query.instruction) };
+    let near = stand_off.map_or(oracle.near, |least| oracle.near.max(NEAR_STAND_OFF * least));
+    let view = Inputs { oracle, query, percept, seen: &seen, near };
     let own = || match &oracle.brief {
         Some(brief) => brief.instruction(),
         None => parse(&query.instruction, &percept.words),
@@ -243,8 +249,8 @@ impl Inputs<'_> {
         self.oracle.by_query("done", self.query).chance(p)
     }
 
-    /// The scene's `near`, metres.
+    /// Distance from a surface at which one is near it, metres.
     pub(super) fn near(&self) -> f64 {
-        self.oracle.near
+        self.near
     }
 }

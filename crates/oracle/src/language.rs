@@ -24,9 +24,10 @@ pub(crate) mod spelling;
 pub(crate) mod table;
 mod times;
 pub(crate) mod told;
-mod turns;
+pub(crate) mod turns;
 mod verbs;
 
+pub(crate) use grammar::parse_rest;
 pub use grammar::{Clause, Instruction, parse};
 pub use meaning::{Order, Relation, Side, Size, Verb};
 pub use phrase::{Ordinal, Phrase};

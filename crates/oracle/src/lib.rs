@@ -16,14 +16,17 @@
 //! [`resolve_truth`].
 #![forbid(unsafe_code)]
 
+mod account;
 mod act;
 mod answer;
 mod brief;
+mod chatter;
 mod corridor;
 mod errors;
 mod extent;
 mod kinds;
 pub mod language;
+pub mod limits;
 mod masks;
 mod obedience;
 mod obstacles;
@@ -36,7 +39,6 @@ mod signs;
 mod slope;
 mod stages;
 mod truth;
-mod unread;
 
 use std::sync::Arc;
 
@@ -46,6 +48,7 @@ use spf_core::rng::RandomStream;
 use spf_core::tags::Tagged;
 use spf_core::time::{Duration, duration_from_secs};
 
+pub use account::{Account, account};
 pub use brief::{Brief, BriefSign, BriefStage, SignDemand};
 pub use errors::{
     ActErrors, BoxErrors, DoneErrors, ErrorFile, ErrorFileError, LabelErrors, LatencyErrors, PointErrors, RangeErrors, Reading,
@@ -58,7 +61,6 @@ pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use sight::{GroundTruthView, PerceivedObject, SIZE_SENT};
 pub use truth::{TruthTarget, resolve_truth};
-pub use unread::unread;
 
 /// Latency of a list of detections, which comes from a detector instead of a VLM: that of a small one on a CPU.
 const DETECTOR_LATENCY: Duration = Duration::from_millis(100);

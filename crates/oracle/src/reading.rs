@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
+use super::language::item::Item;
 use super::language::lex::{is_known, is_right, is_thing, raw_tokens, tokens};
 use super::language::lexicon::{ADJECTIVES, NOUNS};
-use super::language::resolve::meant_by;
+use super::language::resolve::{meant, meant_by};
 use super::language::score::vocabulary;
 use super::language::table::Words;
 use super::language::{Clause, Instruction, Order, Phrase, Verb, parse, spelling};
@@ -107,7 +108,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
                 }
             }
         });
-        let alike = if candidates.is_empty() { alike(&target, objects) } else { Vec::new() };
+        let alike = if candidates.is_empty() { alike(&target, objects, &items) } else { Vec::new() };
         let names_something = match () {
             () if verb == Verb::Scan => true,
             // "Play some music" has no target, "fly to the music" does.
@@ -255,8 +256,21 @@ const FOREIGN: [&str; 111] = [
     "über",
 ];
 
-/// Names of the scene's objects that belong to the same general word as the phrase, each once: a bus for a tram.
-fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
+/// Names of the scene's objects that one of the phrase's nouns means by itself, or that belong to the same general word, each once: the
+/// yellow gate for a red one, a bus for a tram.
+fn alike(target: &Phrase, objects: &[Placed<'_>], items: &[Item<'_>]) -> Vec<String> {
+    let mut named: Vec<String> = Vec::new();
+    for noun in target.nouns.iter().rev() {
+        for at in meant(&Phrase { nouns: vec![noun.clone()], ..Phrase::default() }, items) {
+            let name = items[at].tags.words();
+            if named.len() < ALIKE && !named.contains(&name) {
+                named.push(name);
+            }
+        }
+    }
+    if !named.is_empty() {
+        return named;
+    }
     let Some(head) = target.nouns.last() else { return Vec::new() };
     let same = |word: &str| word == head || NOUNS.synonyms.iter().any(|group| group.contains(word) && group.contains(head));
     let together = NOUNS.hypernyms.values().filter(|below| below.iter().any(same));
@@ -276,10 +290,10 @@ fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
 }
 
 /// Maximum number of similar objects that are named.
-const ALIKE: usize = 3;
+const ALIKE: usize = 4;
 
 /// A phrase, and all phrases that it relates to or excludes.
-fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
+pub(crate) fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     note(phrase);
     let related = phrase.relations.iter().flat_map(|(_, anchors)| anchors);
     related.chain(&phrase.not).chain(&phrase.or).for_each(|within| each_within(within, note));

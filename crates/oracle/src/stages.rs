@@ -20,6 +20,8 @@ pub(super) struct Inputs<'a> {
     pub(super) percept: &'a Percept,
     /// Objects noticed at the size sent.
     pub(super) seen: &'a [&'a PerceivedObject],
+    /// Distance from a surface at which one is near it, metres: the scene's, or farther off if the instruction keeps a distance.
+    pub(super) near: f64,
 }
 
 /// A point to aim at.

@@ -110,6 +110,9 @@ pub struct PilotSettings {
     /// Distance from its target at which an instruction counts as fulfilled, metres, as stated in the prompt; `None` leaves it
     /// to the site: the scene's, or the craft's.
     pub near_m: Option<f64>,
+    /// Distance from the surface of its target that an instruction demands, metres; `None` without such a demand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_off_m: Option<f64>,
     /// Distance that is kept from a target that is followed with [`PilotSettings::track`], metres.
     #[serde(default = "default_keep", skip_serializing_if = "is_default_keep")]
     pub keep_m: f64,
@@ -166,6 +169,7 @@ impl PilotSettings {
             max_reply_age: Duration::from_secs(8),
             depth: DepthAs::Labels,
             near_m: None,
+            stand_off_m: None,
             keep_m: DEFAULT_KEEP,
             follow_time: None,
             close_up: false,

@@ -23,6 +23,8 @@ const UNDER_TARGET: f64 = 3.0;
 /// The last steps are no shorter than this, metres, where that much is left with 98 % probability: half of what is left, and then half of
 /// that, takes eight answers for two metres.
 const LAST_STEP: f64 = 0.5;
+/// A distance that the instruction keeps from the target is kept with this margin.
+const STAND_OFF_MARGIN: f64 = 1.2;
 /// A target at most this far below the craft counts as at its height, metres.
 const LEVEL_WITH: f64 = 0.5;
 
@@ -65,6 +67,8 @@ impl Target {
     pub(crate) fn new(settings: &PilotSettings, craft: &Craft, steering: Option<Box<dyn Steering>>) -> Self {
         let clear = craft.radius + 0.3;
         let stop = settings.near_m.map_or(clear, |near| clear.max(0.5 * near));
+        // What is known of the distance is off by that much and more.
+        let stop = settings.stand_off_m.map_or(stop, |least| stop.max(STAND_OFF_MARGIN * least));
         Self {
             anchors: (settings.is_guided() && settings.method.keeps_place()).then(Anchors::default),
             trust: Trust::default(),

@@ -11,6 +11,7 @@ pub mod jsonl;
 pub mod live;
 pub mod log;
 pub mod out_dir;
+pub mod people;
 pub mod trajectory;
 pub mod video;
 

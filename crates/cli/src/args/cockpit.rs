@@ -26,6 +26,6 @@ pub(crate) struct Cockpit {
 impl Cockpit {
     /// The flight of an instruction with these flags.
     pub(crate) fn flight(&self, instruction: String) -> Fly {
-        Fly { instruction, flight: self.flight.clone() }
+        Fly { instruction, anyway: false, flight: self.flight.clone() }
     }
 }

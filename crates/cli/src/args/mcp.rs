@@ -55,6 +55,6 @@ impl Mcp {
     /// The flight of an instruction with these flags.
     pub(crate) fn flight(&self, instruction: &str) -> Fly {
         let flight = FlightArgs { settings: self.settings.clone(), camera: self.camera.clone(), events: None, json: true };
-        Fly { instruction: instruction.to_owned(), flight }
+        Fly { instruction: instruction.to_owned(), anyway: false, flight }
     }
 }

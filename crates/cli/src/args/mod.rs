@@ -198,6 +198,9 @@ pub(crate) struct Fly {
     pub(crate) instruction: String,
     #[command(flatten)]
     pub(crate) flight: FlightArgs,
+    /// Fly although words of the instruction are used for nothing, or demand what nothing on board measures
+    #[arg(long, help_heading = "Method", hide_short_help = true)]
+    pub(crate) anyway: bool,
 }
 
 // No doc comment: clap would show it in place of the command's own.

@@ -8,6 +8,7 @@ pub(crate) mod opening;
 pub(crate) mod page;
 pub(crate) mod real;
 pub(crate) mod refusal;
+mod said;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod simulated;
@@ -17,7 +18,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 
-use serde::Serialize;
 #[cfg(feature = "mcp")]
 pub(crate) use spf_api::flight::not_started as flight_error;
 use spf_api::flight::{checked_instruction, not_started, out_dir};
@@ -32,7 +32,7 @@ use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
 use spf_flight::run::Observer;
-use spf_flight::summary::{Summary, Touch};
+use spf_flight::summary::{Summary, Touch, VerifiedBy, in_seconds};
 use spf_flight::words;
 use spf_pilot::Outcome;
 use spf_record::live::Live;
@@ -61,7 +61,7 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
 pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpit>, printer: Printer) -> Result<Exit, CliError> {
     let instruction = checked_instruction(&args.instruction)?;
     let ready = opening::ready(args, &mut settings, instruction, Others::cockpit(cockpit), &printer)?;
-    take_off(ready, &settings, instruction, cockpit, printer)
+    take_off(ready, &settings, cockpit, printer)
 }
 
 /// How the settings' VLM reads an instruction before a flight: what was understood, or why nothing was; and what waits for one.
@@ -78,7 +78,7 @@ pub(crate) fn instruction_reader(settings: &Settings) -> Result<(ReadInstruction
     );
     let start = settings.fly.start.get()?;
     let is_oracle = vlm == "oracle" || vlm.starts_with("oracle:");
-    let reader = loaded.filter(|_| is_oracle).map(|loaded| Reader::new(&loaded, start));
+    let reader = loaded.filter(|_| is_oracle).map_or_else(Reader::of_model, |loaded| Reader::of_oracle(&loaded, start));
     Ok((page::read_by(reader), about))
 }
 
@@ -107,6 +107,11 @@ impl<'a> Others<'a> {
         self.cockpit.is_some() || self.assistant.is_some()
     }
 
+    /// Whether somebody points, and no instruction was given.
+    fn points(self) -> bool {
+        self.assistant.is_some_and(|assistant| !assistant.has_instructed)
+    }
+
     /// How an instruction was given; `None` if there is none to be read.
     fn given(self, realtime: bool) -> Option<Given> {
         match self.assistant {
@@ -124,8 +129,8 @@ pub(crate) struct Ready {
     pub(crate) announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
     pub(crate) by_hand: Option<Craft>,
-    /// Checks the instructions typed in flight, where the VLM is the oracle.
-    pub(crate) reader: Option<Reader>,
+    /// Checks the instructions given in flight.
+    pub(crate) reader: Reader,
     /// Whether take-off requires an operator at the keys.
     attended: bool,
     /// The camera whose video statistics are reported at the end.
@@ -133,18 +138,12 @@ pub(crate) struct Ready {
 }
 
 /// Flies, reports the result, and writes the files.
-fn take_off(
-    ready: Ready,
-    settings: &Settings,
-    instruction: &str,
-    cockpit: Option<&Cockpit>,
-    mut printer: Printer,
-) -> Result<Exit, CliError> {
+fn take_off(ready: Ready, settings: &Settings, cockpit: Option<&Cockpit>, mut printer: Printer) -> Result<Exit, CliError> {
     let Ready { plan, announcements, by_hand, reader, attended, camera } = ready;
     // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(|address| live_view(address, settings.fly.live_origin.get()?)).transpose()?;
-    let out = out_dir(settings.fly.out.text().map(Path::new), instruction)?;
+    let out = out_dir(settings.fly.out.text().map(Path::new), &plan.instruction)?;
     // Who types answers types no keys: standard input is read by lines, orders to the drone included.
     let typing = is_human(&plan.vlm) && cockpit.is_none();
     let unattended = settings.fly.unattended.is_on()?;
@@ -213,7 +212,7 @@ fn take_off(
     if let Some(cockpit) = cockpit {
         cockpit.end(&page::end(&flown, result(&flown.summary), out.path()));
     }
-    report(&flown.summary, out.path(), &printer)?;
+    report(&flown.summary, out.path(), &printer);
     let exit = Exit::of(flown.summary.outcome, flown.summary.verified);
     // A script that reads the files must not mistake them for complete.
     Ok(if exit == Exit::Success && !flown.recording_problems.is_empty() { Exit::Internal } else { exit })
@@ -245,25 +244,17 @@ fn print_live_address(view: &Live, printer: &Printer) {
     }
 }
 
-/// The output of `--json`: the summary and the paths of the files.
-#[derive(Serialize)]
-struct Printed<'a> {
-    #[serde(flatten)]
-    summary: &'a Summary,
-    out_dir: &'a Path,
-}
-
-fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), CliError> {
-    let printed = serde_json::to_string(&Printed { summary, out_dir })
-        .map_err(|error| CliError::internal("cannot write the summary as JSON").because(&error))?;
+fn report(summary: &Summary, out_dir: &Path, printer: &Printer) {
     if printer.is_json() {
-        printer.data(&printed);
-        return Ok(());
+        // The summary, and the folder of the files.
+        let mut printed = in_seconds(summary);
+        printed["out_dir"] = out_dir.display().to_string().into();
+        printer.data(&printed.to_string());
+        return;
     }
     result(summary).iter().for_each(|line| printer.result(line));
     printer.result(&format!("files: {}", out_dir.display()));
     hints(summary).iter().for_each(|hint| printer.log(hint));
-    Ok(())
 }
 
 /// What may help where a flight did not end as wished.
@@ -345,10 +336,19 @@ fn errs_on_purpose(vlm: &str) -> bool {
 /// The result of a flight in words.
 pub(crate) fn result(summary: &Summary) -> Vec<String> {
     // The verdict is about a reported arrival; for a flight that gave up or was ended it would be meaningless.
-    let verified = match summary.verified.filter(|_| summary.outcome == Outcome::Reached) {
-        Some(true) => ", verified by the simulator's ground truth",
-        Some(false) => ", NOT verified by the simulator's ground truth",
-        None => "",
+    let is_reached = summary.outcome == Outcome::Reached;
+    let by = match summary.verified_by {
+        Some(VerifiedBy::Task) => "by ground truth",
+        _ => "by the oracle's reading of your words",
+    };
+    let verified = match summary.verified.filter(|_| is_reached) {
+        Some(true) => format!(", verified {by}"),
+        Some(false) => format!(", NOT verified {by}"),
+        // What a simulator could check, it does not; a real flight has nobody to check it.
+        None if is_reached && !summary.scene.is_empty() && summary.followed.is_none() => {
+            ", NOT checked (only whether a flight ends at its target is)".to_owned()
+        }
+        None => String::new(),
     };
     let except = match summary.outcome {
         Outcome::Reached if !summary.not_read.is_empty() => {
@@ -357,18 +357,14 @@ pub(crate) fn result(summary: &Summary) -> Vec<String> {
         }
         _ => String::new(),
     };
-    // The cause in the summary is that the instruction is fulfilled, which the ground truth has just denied.
-    let cause = if summary.outcome == Outcome::Reached && summary.verified == Some(false) {
-        "the VLM reports the instruction as fulfilled, too early or at something else"
-    } else {
-        &summary.cause
-    };
-    let mut lines = vec![format!("{}{verified}: {cause}{except}", words::outcome(summary.outcome))];
+    let mut lines = vec![format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause)];
     if let Some(followed) = &summary.followed {
         lines.push(followed.words());
     }
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
-    let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
+    // Past an opening or around something a flight does not end at its target.
+    let distance = summary.final_distance_m.filter(|_| !is_reached || summary.verified.is_some());
+    let distance = distance.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();
     let touched = if touched.is_empty() { String::new() } else { format!(" (with {})", touched.join(", ")) };
     lines.push(format!(

@@ -151,7 +151,7 @@ settings! {
         /// address and port of the live view, a WebSocket for Foxglove, 127.0.0.1:8765 with --live alone; flies in real time; empty: none
         live: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8765"), "SPF_LIVE", OUTPUT.optional("--live", "ADDR:PORT", "127.0.0.1:8765");
         /// origin of pages that may connect to the live view, besides Foxglove's: SCHEME://HOST[:PORT]; empty: none
-        live_origin: String = "", Text, "SPF_LIVE_ORIGIN", OUTPUT.value("--live-origin", "URL");
+        live_origin: String = "", Text, "SPF_LIVE_ORIGIN";
     }
 
     /// The simulated camera: `[camera]`.

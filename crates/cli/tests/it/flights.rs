@@ -30,9 +30,16 @@ fn the_reading_of_the_instruction_is_printed_before_take_off() {
 fn a_part_that_is_not_read_is_no_success() {
     let lab = Lab::new();
     let words = "Fly to the taxi from above";
-    let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
+    let refused = lab.spf(&["fly", words, "--out", "mine"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("has no use for \"from above\"") && refused.stderr.contains("\"fly to the yellow taxi\""),
+        "{}",
+        refused.stderr
+    );
+    let run = lab.spf(&["fly", words, "--anyway", "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
     assert!(run.stderr.contains("\nnot understood: \"from above\""), "{}", run.stderr);
-    let end = "reached, verified by the simulator's ground truth: the instruction is fulfilled, except \"from above\", which was not \
+    let end = "reached, verified by the oracle's reading of your words: the instruction is fulfilled, except \"from above\", which was not \
                understood\n";
     assert!(run.code == Some(0) && run.stdout.starts_with(end), "{}", run.stdout);
     let summary = std::fs::read_to_string(lab.path("mine/summary.json")).unwrap();
@@ -43,8 +50,9 @@ fn a_part_that_is_not_read_is_no_success() {
 fn what_is_ignored_is_said_before_take_off_and_in_the_verdict() {
     let lab = Lab::new();
     let words = "if you see a bus go slowly to the taxi at dusk";
-    let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
-    let parts = "\"if you see a bus\", \"slowly\", \"at dusk\"";
+    let run = lab.spf(&["fly", words, "--anyway", "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
+    let parts = "\"if you see a bus\", \"at dusk\"";
+    assert!(run.stderr.contains("\nlimit: \"slowly\": at most 1.5 m/s\n"), "{}", run.stderr);
     assert!(run.stderr.contains("\nreads: fly to → yellow taxi\n"), "{}", run.stderr);
     assert!(run.stderr.contains(&format!("\nnot understood: {parts}")), "{}", run.stderr);
     assert!(run.code == Some(0) && run.stdout.contains(&format!("except {parts}, which were not understood")), "{}", run.stdout);
@@ -281,7 +289,7 @@ fn the_configuration_reaches_the_pilot() {
         (Some(11), Some("mine"), Some("paper"))
     );
     assert_eq!(summary["finished_at_s"], 4.0);
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
 }
 
 /// A craft that reckons its position from its take-off point flies in the map of the scene, wherever that point is.

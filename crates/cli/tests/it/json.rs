@@ -36,7 +36,7 @@ fn one_object_with_every_key_and_plain_talk() {
     assert_eq!(printed["vlm"], "oracle");
     assert_eq!(printed["preset"], "default");
     let folder = printed["out_dir"].as_str().unwrap();
-    assert_eq!(lab.names(folder), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names(folder), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
 
     // The file equals the output, except for the folder.
     let mut file: serde_json::Map<String, serde_json::Value> =
@@ -71,7 +71,7 @@ fn a_closed_pipe_ends_nothing() {
     drop(child.stdout.take());
     drop(child.stderr.take());
     assert_eq!(child.wait().unwrap().code(), Some(3));
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn the_greatest_seed_stays_whole() {
 fn words_from_elsewhere_steer_no_terminal() {
     let lab = Lab::new();
     let instruction = "fly to\n   0.0 s  ended\r\u{1b}[2J the \u{7}red crane";
-    let run = lab.spf(&["fly", instruction, "--no-video", "--max-time", "9", "--out", "mine"]);
+    let run = lab.spf(&["fly", instruction, "--anyway", "--no-video", "--max-time", "9", "--out", "mine"]);
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     for text in [&run.stdout, &run.stderr] {
         assert!(!text.contains(['\u{1b}', '\r', '\u{7}']), "{text:?}");

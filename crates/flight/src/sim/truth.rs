@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
-use spf_oracle::{read_instruction, resolve_truth, unread};
+use spf_oracle::limits::{Demand, limits, stand_off};
+use spf_oracle::{account, resolve_truth};
 use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
@@ -55,8 +56,14 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
         meant.objects.iter().filter_map(|id| distance(*id).map(|distance| (*id, distance))).collect();
     let nearest = near.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let seen = in_view(world, &now, &meant.objects);
-    let within = |(id, distance): &(ObjectId, f64)| *distance <= loaded.scene.success_radius && seen.contains(id);
-    let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
+    let (least, most) = match stand_off(instruction) {
+        Some(least) => (least, loaded.scene.success_radius.max(2.0 * least)),
+        None => (0.0, loaded.scene.success_radius),
+    };
+    let within = |(id, distance): &(ObjectId, f64)| *distance <= most && seen.contains(id);
+    let verified = meant.checkable.then(|| {
+        truth.collided_with.is_empty() && nearest.is_some_and(|(_, distance)| distance >= least) && near.iter().any(within)
+    });
     Verdict {
         verified,
         verified_by: verified.map(|_| VerifiedBy::Parser),
@@ -73,18 +80,12 @@ pub(super) fn followed_by(instruction: &str, loaded: &LoadedScene, start: &Pose)
     meant.follows.then_some(meant.objects)
 }
 
-/// The parts of the instruction that are not read: phrases of their own, and words that were ignored beside a target.
+/// The parts of the instruction that nothing heeds: words that nothing uses, and demands that nothing on board measures.
 fn not_read(instruction: &str, world: &SimWorld, start: Pose) -> Vec<String> {
     let loaded = world.loaded();
-    let objects = loaded.placed(&loaded.cast.starts());
-    let mut parts = unread(instruction, &objects, Some(start));
-    let reading = read_instruction(instruction, &objects, Some(start));
-    for part in reading.ignored.into_iter().map(|unknown| unknown.word).chain(reading.directions) {
-        if !parts.iter().any(|phrase| phrase.contains(&part)) {
-            parts.push(part);
-        }
-    }
-    parts
+    let unused = account(instruction, &loaded.placed(&loaded.cast.starts()), Some(start)).unused;
+    let unmeasured = limits(instruction).0.into_iter().filter(|limit| matches!(limit.demand, Demand::Unmeasured(_)));
+    unused.into_iter().chain(unmeasured.map(|limit| limit.words)).collect()
 }
 
 /// The subset of `objects` in view.

@@ -12,6 +12,8 @@ use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
 use super::settle::Words;
 use super::verbs::starts_verb;
+use crate::chatter::without_chatter;
+use crate::limits::limits;
 
 /// One action.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +52,11 @@ pub struct Instruction {
 /// ```
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
+    parse_rest(&without_chatter(&limits(text).1, tags).0, tags)
+}
+
+/// Parses an instruction whose limits and chatter have been taken out.
+pub(crate) fn parse_rest(text: &str, tags: &BTreeSet<String>) -> Instruction {
     let words = compounded(&tokens(text, tags), tags);
     let mut instruction = parse_tokens(&without(&words, |rest| manner::time_of_day(&words, words.len() - rest.len(), tags)));
     let words = Words { scene: tags, names: &names(text) };

@@ -237,6 +237,11 @@ pub(crate) fn is_harmless(word: &str) -> bool {
     verb || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
 }
 
+/// Whether the word belongs to a verb of flying.
+pub(crate) fn is_verb(word: &str) -> bool {
+    VERBS.verbs.words().any(|known| known == word)
+}
+
 /// Whether the word asks for a search.
 pub(crate) fn is_looking(word: &str) -> bool {
     PHRASES.looking.contains(word) || matches!(word, "find" | "seek" | "scan" | "explore")

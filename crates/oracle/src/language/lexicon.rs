@@ -66,11 +66,11 @@ pub(crate) struct Adjectives {
     /// Compass directions: no image shows them.
     pub(super) compass: Words,
     /// Ordinals; −1 is the last.
-    pub(super) ordinals: BTreeMap<String, i32>,
+    pub(crate) ordinals: BTreeMap<String, i32>,
     /// The basic colour of each.
     pub(crate) colours: Forms,
     /// Size, height and distance.
-    pub(super) sizes: Phrases<Size>,
+    pub(crate) sizes: Phrases<Size>,
     /// Tag qualities that imply a size.
     pub(super) qualities: BTreeMap<Size, Words>,
 }
@@ -82,11 +82,11 @@ pub(crate) struct Nouns {
     /// Heads that name nothing by themselves.
     pub(crate) vague: Words,
     /// Parts and collections.
-    pub(super) parts: Words,
+    pub(crate) parts: Words,
     /// Surroundings.
-    pub(super) surroundings: Words,
+    pub(crate) surroundings: Words,
     /// Rail vehicles.
-    pub(super) coupled: Words,
+    pub(crate) coupled: Words,
     /// Words for people, who may move.
     pub(super) people: Words,
     /// Clothes.

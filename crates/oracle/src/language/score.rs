@@ -105,6 +105,30 @@ pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     }
 }
 
+/// Whether the tags of one of the objects bear the word out: by itself, or by a word that means the same or less.
+pub(crate) fn evident(word: &str, objects: &[&Tagged]) -> bool {
+    let plain = singular(word);
+    let forms = stems(word);
+    let is_person = NOUNS.people.contains(&plain) || NOUNS.clothes.contains(&plain) || NOUNS.clothes.contains(word);
+    let means = |group: &Words, known: &BTreeSet<String>| {
+        let named = |term: &str| term.split(' ').all(|part| known.contains(part));
+        group.iter().any(|term| term.split(' ').any(|part| part == plain)) && group.iter().any(named)
+    };
+    let quality = ADJECTIVES.qualities.iter().filter(|(size, _)| ADJECTIVES.sizes.get(word) == Some(**size));
+    let quality: Vec<&Words> = quality.map(|(_, words)| words).collect();
+    objects.iter().any(|tags| {
+        let group = tags.group.iter().flat_map(|group| split(group));
+        let known: BTreeSet<String> = words_of(tags).into_iter().chain(group).collect();
+        known.contains(&plain)
+            || known.iter().any(|other| stems(other).iter().any(|form| form.len() > 2 && forms.contains(form)))
+            || ADJECTIVES.colours.plain(word).is_some_and(|colour| colours_of(tags).contains(&colour))
+            || NOUNS.synonyms.iter().any(|group| means(group, &known))
+            || NOUNS.hypernyms.get(&plain).is_some_and(|below| below.iter().any(|term| known.contains(term)))
+            || quality.iter().any(|words| tags.qualities.iter().any(|quality| words.contains(quality)))
+            || (is_person && known.iter().any(|other| NOUNS.people.contains(other)))
+    })
+}
+
 /// Basic colours of an object: from its colour, otherwise from its names.
 fn colours_of(tags: &Tagged) -> Vec<&'static str> {
     let plain = |words: Vec<String>| -> Vec<&'static str> { words.iter().filter_map(|w| ADJECTIVES.colours.plain(w)).collect() };

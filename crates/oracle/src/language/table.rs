@@ -57,7 +57,7 @@ impl<T: Copy> Phrases<T> {
     }
 
     /// The meaning of a single word.
-    pub(super) fn get(&self, word: &str) -> Option<T> {
+    pub(crate) fn get(&self, word: &str) -> Option<T> {
         // The shortest phrase comes last.
         let (others, meaning) = self.by_first.get(word)?.last()?;
         others.is_empty().then_some(*meaning)

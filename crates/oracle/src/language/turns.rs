@@ -64,7 +64,7 @@ pub(super) fn number(words: &[String], first: bool) -> Option<(usize, u32)> {
 }
 
 /// Numbers as words, from one.
-pub(super) const CARDINALS: [&str; 10] = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
+pub(crate) const CARDINALS: [&str; 10] = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 /// Whether a word right after "somebody" begins a relative clause: "someone *I could ask*", and not "somebody *in red*"
 /// or "someone *near*".

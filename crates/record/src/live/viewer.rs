@@ -68,7 +68,7 @@ fn choose(hello: &Hello, mut response: Response, shared: &Shared) -> Result<Resp
         if let Some(origin) = origin.filter(|_| refusal == Refusal::Origin)
             && !shared.refused.swap(true, Ordering::Relaxed)
         {
-            tracing::warn!("live view: a page from {origin:?} was refused; if it is your viewer, allow it with --live-origin");
+            tracing::warn!("live view: a page from {origin:?} was refused; if it is your viewer, allow it with SPF_LIVE_ORIGIN");
         }
         return Err(refused(StatusCode::FORBIDDEN, format!("{refusal}\n")));
     }

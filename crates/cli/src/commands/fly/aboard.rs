@@ -25,8 +25,12 @@ pub(super) struct Aboard {
     pub(super) drawn: String,
     /// Messages before take-off, after that sentence.
     pub(super) announcements: Vec<String>,
-    /// Reads instructions as the oracle does.
-    pub(super) reader: Option<Reader>,
+    /// An instruction that was chosen instead of the one that was given.
+    pub(super) chosen: Option<String>,
+    /// Its height at the start, metres; `None` if only the take-off shows it.
+    pub(super) height: Option<f64>,
+    /// Reads the instructions that are given in flight.
+    pub(super) reader: Reader,
     /// The frames of a camera that counts them.
     pub(super) frames: Option<Arc<dyn Frames>>,
 }

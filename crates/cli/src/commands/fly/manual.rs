@@ -27,7 +27,7 @@ impl Manual {
     }
 
     /// Listens to the terminal, if there is one, and sends what the keys mean. A `reader` checks typed instructions.
-    pub(super) fn start(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Self {
+    pub(super) fn start(craft: Craft, reader: Reader, events: Sender<OperatorEvent>) -> Self {
         Self(platform::listen(craft, reader, events))
     }
 }
@@ -81,7 +81,7 @@ mod platform {
         stdin().is_terminal() && stderr().is_terminal()
     }
 
-    pub(super) fn listen(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Option<Raw> {
+    pub(super) fn listen(craft: Craft, reader: Reader, events: Sender<OperatorEvent>) -> Option<Raw> {
         if !is_possible() {
             return None;
         }
@@ -148,23 +148,20 @@ mod platform {
     /// What keys mean to one flight.
     struct Listener {
         keys: Keys,
-        reader: Option<Reader>,
+        reader: Reader,
         events: Sender<OperatorEvent>,
         start: Instant,
     }
 
     impl Listener {
-        fn new(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Self {
+        fn new(craft: Craft, reader: Reader, events: Sender<OperatorEvent>) -> Self {
             Self { keys: Keys::new(craft), reader, events, start: Instant::now() }
         }
 
         fn pressed(&mut self, bytes: &[u8]) {
             let typing = self.keys.typed().is_some();
             let pressed = self.keys.read(Time::ZERO + self.start.elapsed(), &keys_of(bytes));
-            let (admitted, lines) = match &self.reader {
-                Some(reader) => reader.admit(pressed),
-                None => (pressed.events, pressed.hint.map(str::to_owned).into_iter().collect()),
-            };
+            let (admitted, lines) = self.reader.admit(pressed);
             for event in admitted {
                 // The flight may be over.
                 if self.events.send(event).is_err() {
@@ -204,7 +201,7 @@ mod platform {
             let mut reader = None;
             for flight in 0..3 {
                 let (send, events) = channel();
-                if KEYS.listen(Listener::new(Craft::tello(), None, send)) {
+                if KEYS.listen(Listener::new(Craft::tello(), Reader::of_model(), send)) {
                     let input = input.try_clone().unwrap();
                     assert!(reader.replace(std::thread::spawn(|| KEYS.read(input))).is_none(), "a second reader takes keys");
                 }
@@ -216,7 +213,7 @@ mod platform {
             drop(terminal);
             reader.unwrap().join().unwrap();
             let (send, _events) = channel();
-            assert!(KEYS.listen(Listener::new(Craft::tello(), None, send)));
+            assert!(KEYS.listen(Listener::new(Craft::tello(), Reader::of_model(), send)));
         }
     }
 }
@@ -238,7 +235,7 @@ mod platform {
         false
     }
 
-    pub(super) fn listen(_craft: Craft, _reader: Option<Reader>, _events: Sender<OperatorEvent>) -> Option<Raw> {
+    pub(super) fn listen(_craft: Craft, _reader: Reader, _events: Sender<OperatorEvent>) -> Option<Raw> {
         None
     }
 }

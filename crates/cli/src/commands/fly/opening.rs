@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use spf_api::demands::{Beginning, tighten};
 use spf_core::craft::Craft;
 use spf_drone::driver::Target;
 use spf_envelope::Limits;
@@ -9,6 +10,7 @@ use spf_flight::flight::FlightPlan;
 use spf_pilot::AtEnd;
 
 use super::manual::Manual;
+use super::said::Said;
 use super::settings::{
     Facts, brake, depends_on_boxes, method, method_words, prompt, refuse_contradictions, script, without_boxes,
 };
@@ -137,7 +139,8 @@ pub(crate) fn ready(
     let aboard = match &carrier {
         Carrier::Simulated => {
             let given = others.given(pace == Pace::Wall);
-            simulated::board(settings, instruction, given, pace, pointing.is_oracle, &script)?
+            let said = Said { instruction, given, anyway: args.anyway, printer };
+            simulated::board(settings, &said, pace, pointing.is_oracle, &script)?
         }
         Carrier::Desk(url) => simulated::at_the_desk(&args.flight.camera, settings, url, printer)?,
         Carrier::Real(target, eyes) => real::board(&args.flight.camera, settings, target.as_ref(), *eyes, &pointing, printer)?,
@@ -156,14 +159,21 @@ pub(crate) fn ready(
         Some(program) if depends_on_boxes(settings, policy, &facts)? => Facts { lists_boxes: program.lists_boxes(), ..facts },
         _ => facts,
     };
-    let method = method(settings, policy, &facts)?;
-    let limits = Limits { brake: brake(settings, &method, &facts)?, ..aboard.limits };
+    let instruction = aboard.chosen.as_deref().unwrap_or(instruction);
+    let mut method = method(settings, policy, &facts)?;
+    let mut limits = Limits { brake: brake(settings, &method, &facts)?, ..aboard.limits };
+    let beginning = Beginning { craft: &aboard.craft, height: aboard.height };
+    let demanded = match others.points() {
+        true => Vec::new(),
+        false => tighten(instruction, args.anyway, beginning, &mut limits, &mut method)?,
+    };
     let craft = limits.capped(&aboard.craft);
     let words = method_words(settings, policy);
     let flying = format!("Flying \"{}\"{}, {words}{}.", one_line(instruction), aboard.place, aboard.drawn);
     let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
     announcements.extend(without_boxes(settings, policy, &facts)?);
     announcements.extend(aboard.announcements);
+    announcements.extend(demanded);
     if method.at_end == AtEnd::Return {
         announcements.push(real::returning(&limits, &aboard.craft)?);
     }

@@ -82,7 +82,7 @@ pub(super) fn wait_for_pilot(cockpit: &Cockpit, interrupts: &AtomicU32, printer:
 }
 
 /// The operator's side of a flight, for the page.
-pub(crate) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Option<Reader>, only: bool) -> FlightControls {
+pub(crate) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Reader, only: bool) -> FlightControls {
     let read = read_by(reader);
     FlightControls { operator, craft, read, only }
 }
@@ -99,9 +99,9 @@ pub(crate) fn end(flown: &Flown, result: Vec<String>, folder: &Path) -> FlightEn
     }
 }
 
-/// How an instruction is read; without a reader every one is flown.
-pub(super) fn read_by(reader: Option<Reader>) -> ReadInstruction {
-    Arc::new(move |text: &str| reader.as_ref().map_or_else(|| Ok(String::new()), |reader| reader.understood(text)))
+/// How an instruction is read.
+pub(super) fn read_by(reader: Reader) -> ReadInstruction {
+    Arc::new(move |text: &str| reader.understood(text))
 }
 
 /// The VLM of a flight. With a cockpit a person points in the page instead of typing, and may correct any other VLM; so may an

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use spf_api::reading::Reader;
 use spf_camera::WithCamera;
 use spf_core::craft::Craft;
 use spf_core::time::Duration;
@@ -106,7 +107,20 @@ pub(super) fn board(
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     let (place, drawn) = (String::new(), String::new());
-    Ok(Aboard { site, craft, limits, has_ranges, flies_moves, place, drawn, announcements, reader: None, frames })
+    Ok(Aboard {
+        site,
+        craft,
+        limits,
+        has_ranges,
+        flies_moves,
+        place,
+        drawn,
+        announcements,
+        reader: Reader::of_model(),
+        chosen: None,
+        height: None,
+        frames,
+    })
 }
 
 /// How a drone returns by itself after its instruction, if the envelope clears it.

@@ -15,6 +15,7 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use super::aboard::Aboard;
+use super::said::Said;
 use super::settings::{flight_conditions, limits, options};
 use crate::args::CameraArgs;
 use crate::commands::vlm::Pace;
@@ -22,7 +23,7 @@ use crate::commands::{camera, load_scene};
 use crate::error::CliError;
 use crate::printer::Printer;
 use crate::settings::Settings;
-use spf_api::reading::{self, Given, Reader};
+use spf_api::reading::Reader;
 
 /// The scene, as the settings light it, and the craft in it.
 fn scene(settings: &Settings) -> Result<(Arc<LoadedScene>, CraftKind), CliError> {
@@ -44,11 +45,10 @@ fn site(settings: &Settings, loaded: Arc<LoadedScene>, kind: CraftKind, realtime
     })
 }
 
-/// The craft in a scene with ground truth; an instruction is read as one that was `given`, unless somebody points instead.
+/// The craft in a scene with ground truth; an instruction is read as it was `said`.
 pub(super) fn board(
     settings: &Settings,
-    instruction: &str,
-    given: Option<Given>,
+    said: &Said<'_>,
     pace: Pace,
     is_oracle: bool,
     script: &Script,
@@ -57,15 +57,10 @@ pub(super) fn board(
     let limits = limits(settings, loaded.limits(kind))?;
     let realtime = pace == Pace::Wall;
     let site = site(settings, loaded.clone(), kind, realtime)?;
-    let reader = is_oracle.then(|| Reader::new(&loaded, site.start));
-    let mut announcements = Vec::new();
-    if let Some(reader) = &reader {
-        if let Some(given) = given {
-            announcements.extend(reading::lines(instruction, &loaded, site.start, given)?);
-        }
-        for (at, text) in script.instructions() {
-            announcements.extend(reader.scripted(at, text)?);
-        }
+    let reader = if is_oracle { Reader::of_oracle(&loaded, site.start) } else { Reader::of_model() };
+    let (mut announcements, chosen) = if is_oracle { said.read(&loaded, site.start)? } else { (Vec::new(), None) };
+    for (at, text) in script.instructions() {
+        announcements.extend(reader.scripted(at, text)?);
     }
     Ok(Aboard {
         craft: Model::of(kind).craft,
@@ -76,6 +71,8 @@ pub(super) fn board(
         drawn: format!(", seed {}", site.seed),
         announcements,
         reader,
+        chosen,
+        height: Some(site.start.unwrap_or(site.loaded.scene.start).position.up),
         frames: None,
         site: Site::Simulated(site),
     })
@@ -103,7 +100,9 @@ pub(super) fn at_the_desk(camera: &CameraArgs, settings: &Settings, url: &str, p
         place: format!(", craft {} of the simulator", kind.name()),
         drawn: String::new(),
         announcements: [unseen].into_iter().chain(recorded.map(str::to_owned)).collect(),
-        reader: None,
+        reader: Reader::of_model(),
+        chosen: None,
+        height: None,
         frames: Some(drone.frames()),
         site: Site::Real(Real { drone: Box::new(drone), clock: Clock::WallSince(start) }),
     })

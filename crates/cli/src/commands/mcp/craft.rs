@@ -150,7 +150,7 @@ impl Craft {
         let mut settings = self.settings(wanted)?;
         let assistant = Assistant { pointing: &pointing, has_instructed: wanted.instruction.is_some() };
         let others = Others { cockpit: self.cockpit.as_ref(), assistant: Some(assistant) };
-        let flight = Fly { instruction: wanted.words().to_owned(), flight: self.flight.flight.clone() };
+        let flight = Fly { instruction: wanted.words().to_owned(), anyway: false, flight: self.flight.flight.clone() };
         let ready = opening::ready(&flight, &mut settings, wanted.words(), others, &printer)?;
         let Ready { plan, announcements, by_hand, reader, .. } = ready;
         if given_up.load(Ordering::Relaxed) {

@@ -1,0 +1,105 @@
+//! Limits within the words of an instruction, applied before take-off, whatever model flies: they only tighten the envelope or the
+//! approach.
+
+use spf_core::craft::Craft;
+use spf_core::time::Duration;
+use spf_envelope::Limits;
+use spf_oracle::limits::{Demand, LimitWords, limits};
+use spf_pilot::PilotSettings;
+
+use crate::error::{Error, one_line, quoted};
+
+/// "Slowly" is this part of the speed that is otherwise flown.
+const SLOWLY: f64 = 0.5;
+/// Less is no flight, metres per second.
+const SLOWEST: f64 = 0.1;
+
+/// Where a flight begins, for limits that it would break at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Beginning<'a> {
+    /// The craft.
+    pub craft: &'a Craft,
+    /// Its height at the start of the flight, metres; `None` if only the take-off shows it.
+    pub height: Option<f64>,
+}
+
+/// Tightens the limits and the method of a flight by what the instruction demands; the lines that say so. With `anyway`, what cannot be
+/// kept is announced instead of refused.
+///
+/// # Errors
+/// A usage error for a demand that nothing on board can keep, or that the flight would break at its start.
+pub fn tighten(
+    instruction: &str,
+    anyway: bool,
+    beginning: Beginning<'_>,
+    envelope: &mut Limits,
+    method: &mut PilotSettings,
+) -> Result<Vec<String>, Error> {
+    let (found, _) = limits(instruction);
+    let mut lines = Vec::new();
+    for LimitWords { words, demand } in &found {
+        match kept(*demand, beginning, envelope, method) {
+            Ok(line) => lines.push(format!("limit: \"{}\": {line}", one_line(words))),
+            Err(why) if anyway => lines.push(format!("not heeded: \"{}\": {why}", one_line(words))),
+            Err(why) => {
+                return Err(Error::usage(format!("cannot keep to \"{}\": {why}", one_line(words)))
+                    .hint("leave it out, or fly without it with --anyway (docs/guide/fly.md, \"Limits within the words\")"));
+            }
+        }
+    }
+    Ok(lines)
+}
+
+/// Refuses limits in an instruction that is given in flight: the envelope of a flight is fixed at take-off.
+///
+/// # Errors
+/// A usage error that names them.
+pub(crate) fn refuse_in_flight(instruction: &str) -> Result<(), Error> {
+    let words: Vec<String> = limits(instruction).0.into_iter().map(|limit| limit.words).collect();
+    if words.is_empty() {
+        return Ok(());
+    }
+    Err(Error::usage(format!("cannot keep to {} from now on: limits are fixed at take-off", quoted(&words)))
+        .hint("give the instruction without it, or land and begin a flight with it"))
+}
+
+/// Tightens for one demand; what is said about it, or why nothing keeps it.
+fn kept(demand: Demand, from: Beginning<'_>, envelope: &mut Limits, method: &mut PilotSettings) -> Result<String, String> {
+    Ok(match demand {
+        Demand::Height(most) => {
+            let least = from.height.unwrap_or(envelope.min_altitude) + envelope.margin;
+            if most < least {
+                return Err(format!("the flight begins so high that at least {least:.1} m must be permitted"));
+            }
+            envelope.max_altitude = envelope.max_altitude.min(most);
+            format!("at most {:.1} m high", envelope.max_altitude)
+        }
+        Demand::Speed(most) => slower(most, envelope),
+        Demand::Slow => slower(SLOWLY * envelope.max_speed.min(from.craft.cruise_speed), envelope),
+        Demand::Distance(most) => {
+            envelope.max_distance = envelope.max_distance.min(most);
+            format!("at most {:.0} m from the take-off point", envelope.max_distance)
+        }
+        Demand::Time(most) => {
+            method.max_time = method.max_time.min(Duration::from_secs_f64(most));
+            format!("at most {:.0} s", method.max_time.as_secs_f64())
+        }
+        Demand::StandOff(least) => {
+            if !method.is_guided() {
+                return Err("a distance from the target is kept by the default method only".to_owned());
+            }
+            method.stand_off_m = Some(least.max(method.stand_off_m.unwrap_or(0.0)));
+            method.keep_m = method.keep_m.max(least);
+            format!("the approach ends {least:.1} m before the target by what is known of its distance, which is not measured")
+        }
+        Demand::Obstacles if method.avoid || method.method.measures_view() => "obstacle mode is on".to_owned(),
+        Demand::Obstacles => return Err("obstacle mode is off (--avoid)".to_owned()),
+        Demand::Unmeasured(what) => return Err(format!("the drone does not measure {what}")),
+    })
+}
+
+fn slower(most: f64, envelope: &mut Limits) -> String {
+    envelope.max_speed = envelope.max_speed.min(most.max(SLOWEST));
+    envelope.max_climb = envelope.max_climb.min(envelope.max_speed);
+    format!("at most {:.1} m/s", envelope.max_speed)
+}
