@@ -84,6 +84,9 @@ pub(crate) struct Scenes {
     /// Also list every object: ID, name, colour, position and size; and the scene's bounds and start
     #[arg(long)]
     pub(crate) objects: bool,
+    /// Also list what can be said there to the oracle, by kind and difficulty
+    #[arg(long)]
+    pub(crate) say: bool,
     /// Render an image of each scene into this folder, and print the paths
     #[arg(long = "pictures", value_name = "DIR")]
     pub(crate) images: Option<PathBuf>,

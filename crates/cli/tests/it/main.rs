@@ -28,6 +28,7 @@ mod mavlink;
 mod mcp;
 mod operator;
 mod python;
+mod say;
 mod scenes;
 #[cfg(target_os = "linux")]
 mod screen;

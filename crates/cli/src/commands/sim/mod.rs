@@ -4,6 +4,7 @@ mod contact_sheet;
 pub(crate) mod dataset;
 mod objects;
 mod render;
+mod say;
 mod scenes;
 mod serve;
 mod view;

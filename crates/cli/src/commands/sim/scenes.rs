@@ -13,6 +13,7 @@ use spf_media::png;
 use spf_render::Channels;
 use spf_scene::{Object, Scene, SceneLook};
 
+use super::say::{self, Saying, sayings};
 use super::{colour, contact_sheet, objects, write};
 use crate::args::Scenes;
 use crate::commands::load_scene;
@@ -43,6 +44,8 @@ struct Entry {
     tags: Vec<Tag>,
     #[serde(skip_serializing_if = "Option::is_none")]
     object_list: Option<Vec<objects::Row>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    say: Option<Vec<Saying>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     #[serde(rename = "picture")]
     image: Option<PathBuf>,
@@ -144,6 +147,7 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
     let load_time = started.elapsed();
     let mut entry = entry(&loaded.scene);
     entry.object_list = args.objects.then(|| objects::rows(&loaded.scene));
+    entry.say = args.say.then(|| sayings(&loaded.scene.name));
     if args.stats || args.images.is_some() {
         let started = Instant::now();
         let camera = loaded.scene.default_craft.camera();
@@ -180,6 +184,7 @@ fn entry(scene: &Scene) -> Entry {
         objects: scene.objects.len(),
         tags: tags(&scene.objects),
         object_list: None,
+        say: None,
         image: None,
         stats: None,
     }
@@ -235,6 +240,9 @@ fn tell(listing: &Listing, printer: &Printer) {
                 scene.name, low[0], high[0], low[1], high[1], start.east_m, start.north_m, start.up_m, start.heading_deg
             ));
             printer.result(&objects::text(rows));
+        }
+        if let Some(sayings) = &scene.say {
+            printer.result(&say::text(&scene.name, sayings));
         }
     }
     let images: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.image.as_ref()).collect();
