@@ -114,7 +114,7 @@ async function show(flight) {
   else film.removeAttribute("src");
   byId("map-panel").hidden = !flight.map;
   if (flight.map) byId("map-image").src = file(flight.name, "trajectory.svg");
-  const files = [["video.mp4", "Film", flight.film], ["flight.mcap", "Flight log", flight.log], ["decisions.jsonl", "Decisions", true], ["summary.json", "Summary", true]];
+  const files = [["video.mp4", "Film", flight.film], ["flight.mcap", "Flight log", flight.log], ["decisions.jsonl", "Decisions", true], ["queries.jsonl", "Queries", true], ["summary.json", "Summary", true]];
   byId("files").replaceChildren(...files.filter(([, , there]) => there).map(([name, text]) => element("a", `↓ ${text}`, { class: "plain", href: file(flight.name, name), download: `${flight.name}-${name}` })));
   byId("detail").hidden = true;
   byId("again").hidden = !flight.log || !sessionStorage.getItem("key");

@@ -40,10 +40,11 @@ const REPORT: &str = "report.html";
 const REPORT_BYTES: u64 = 16 << 20;
 
 /// The files of a flight that are served: their names and types, and whether a browser shows them.
-const FILES: [(&str, &str, bool); 5] = [
+const FILES: [(&str, &str, bool); 6] = [
     ("video.mp4", "video/mp4", true),
     ("trajectory.svg", "image/svg+xml", true),
     ("decisions.jsonl", "application/jsonl; charset=utf-8", true),
+    ("queries.jsonl", "application/jsonl; charset=utf-8", true),
     ("summary.json", "application/json", true),
     ("flight.mcap", "application/octet-stream", false),
 ];

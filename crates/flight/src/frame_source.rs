@@ -44,7 +44,7 @@ pub(crate) trait FrameSource: Send + Sync {
         Vec::new()
     }
 
-    /// The scene from above, and the position of that of the objects with these keys which is nearest to the craft.
+    /// The scene from above, and the point nearest to the craft of the surfaces of the objects with these keys.
     fn map(&self, targets: &[String]) -> (Vec<Outline>, Option<EnuPosition>) {
         let _ = targets;
         (Vec::new(), None)

@@ -29,6 +29,7 @@ pub mod real;
 pub mod reask;
 pub mod recorder;
 pub mod replay;
+pub mod rows;
 pub mod run;
 pub mod script;
 pub mod share;

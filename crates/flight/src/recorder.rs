@@ -1,4 +1,4 @@
-//! Writes the output folder of a flight: `flight.mcap`, `decisions.jsonl`, `video.mp4`, `trajectory.svg`,
+//! Writes the output folder of a flight: `flight.mcap`, `decisions.jsonl`, `queries.jsonl`, `video.mp4`, `trajectory.svg`,
 //! `summary.json`.
 //!
 //! A recording failure does not end the flight: the first failure of each file is kept and reported at the end.
@@ -6,11 +6,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use serde::Serialize;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_pilot::{Action, Decision, Event, Note, Phase, Pilot};
-use spf_record::jsonl::JsonLines;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, MarkedPlace, TrajectoryInput, trajectory_svg};
@@ -19,9 +17,10 @@ use crate::film::{self, Film};
 use crate::frame_source::FrameSource;
 use crate::log::{self, FlightHeader, FlightLog};
 use crate::odometer::Odometer;
-use crate::problems::{Problems, in_full, slow};
+use crate::problems::{Problems, slow};
+use crate::rows::RowFiles;
 use crate::run::Observer;
-use crate::summary::Summary;
+use crate::summary::{Summary, in_seconds};
 use crate::words;
 
 /// Where and what to record.
@@ -33,15 +32,6 @@ pub struct RecordPlan {
     pub video: bool,
     /// The live view, if any.
     pub view: Option<LiveSender>,
-}
-
-/// A decision as a row of `decisions.jsonl`.
-#[derive(Serialize)]
-struct Row<'a> {
-    #[serde(flatten)]
-    decision: &'a Decision,
-    /// Distance flown since take-off, as estimated, metres.
-    flown_m: f64,
 }
 
 /// A place that the operator has marked to keep away from.
@@ -66,7 +56,7 @@ pub struct Recorder {
     out: OutDir,
     frame_source: Arc<dyn FrameSource>,
     log: Option<FlightLog>,
-    decisions: Option<JsonLines>,
+    rows: RowFiles,
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
     known_path: Vec<(Time, EnuPosition)>,
@@ -82,7 +72,6 @@ pub struct Recorder {
 }
 
 const LOG: &str = "flight.mcap";
-const DECISIONS: &str = "decisions.jsonl";
 const VIDEO: &str = "video.mp4";
 const TRAJECTORY: &str = "trajectory.svg";
 
@@ -98,7 +87,7 @@ impl Recorder {
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
         let logged = file.is_some() || view.is_some();
         let log = logged.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
-        let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS), !live));
+        let rows = RowFiles::create(&out, !live, &mut problems);
         let images = log.as_ref().filter(|_| video).map(|log| log.images(film::SIZE));
         let film = video
             .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, images, live))
@@ -107,7 +96,7 @@ impl Recorder {
             out,
             frame_source,
             log,
-            decisions,
+            rows,
             film,
             path: Vec::new(),
             known_path: Vec::new(),
@@ -121,12 +110,7 @@ impl Recorder {
     }
 
     fn decided(&mut self, decision: &Decision) {
-        if let Some(rows) = &mut self.decisions
-            && let Err(error) = rows.push(&Row { decision, flown_m: self.odometer.metres() })
-        {
-            self.problems.note(DECISIONS, in_full(&error));
-            self.decisions = None;
-        }
+        self.rows.push(decision, self.odometer.metres(), &mut self.problems);
         self.marks.push(DecisionMark {
             time: decision.answered,
             position: decision.pose.position,
@@ -154,11 +138,8 @@ impl Recorder {
         if self.warned {
             return;
         }
-        let failed = [
-            (LOG, self.log.as_ref().is_some_and(FlightLog::has_failed)),
-            (DECISIONS, self.decisions.as_ref().is_some_and(JsonLines::has_failed)),
-        ];
-        let failed = failed.into_iter().find(|(_, failed)| *failed).map(|(file, _)| file.to_owned());
+        let log = self.log.as_ref().is_some_and(FlightLog::has_failed).then_some(LOG);
+        let failed = log.or_else(|| self.rows.failed()).map(str::to_owned);
         if let Some(file) = failed.or_else(|| self.problems.files.first().cloned()) {
             tracing::warn!("recording failed: {file} cannot be written (disk full?); the flight goes on");
             self.warned = true;
@@ -171,12 +152,7 @@ impl Recorder {
         if let Some(film) = self.film.take() {
             self.problems.kept(VIDEO, film.finish());
         }
-        if let Some(rows) = self.decisions.take() {
-            match self.problems.kept(DECISIONS, rows.finish()) {
-                Some(0) | None => {}
-                Some(lost) => self.problems.note(DECISIONS, slow(lost, "rows", DECISIONS)),
-            }
-        }
+        self.rows.finish(&mut self.problems);
         if let Some(origin) = self.origin {
             // The map is that of the scene.
             let move_by = |at: &mut EnuPosition| {
@@ -210,7 +186,7 @@ impl Recorder {
             }
             summary.not_recorded.clone_from(&self.problems.files);
         }
-        self.problems.kept("summary.json", self.out.write_summary(summary));
+        self.problems.kept("summary.json", self.out.write_summary(&in_seconds(summary)));
         self.problems.reasons
     }
 }

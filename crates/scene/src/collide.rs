@@ -146,11 +146,17 @@ impl Collider {
     /// neither.
     #[must_use]
     pub fn distance_to(&self, object: ObjectId, point: EnuPosition) -> Option<f64> {
+        Some(point.distance(self.nearest_of(object, point)?))
+    }
+
+    /// The point of an object's surface that is nearest to `point`; `None` for an object without a surface.
+    #[must_use]
+    pub fn nearest_of(&self, object: ObjectId, point: EnuPosition) -> Option<EnuPosition> {
         let body = [&self.bodies, &self.openings]
             .into_iter()
             .find_map(|bodies| bodies.binary_search_by_key(&object, |body| body.id).ok().map(|index| &bodies[index]))?;
         let hit = body.mesh.project_local_point(narrow(point), false);
-        Some(point.distance(widen(hit.point)))
+        Some(widen(hit.point))
     }
 
     /// The nearest object, if its surface is within `radius` of `centre`.

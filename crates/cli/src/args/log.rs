@@ -111,6 +111,9 @@ pub(crate) struct Export {
     /// Topic to export
     #[arg(long, value_name = "TOPIC", default_value = "/decision")]
     pub(crate) topic: String,
+    /// All columns of the topic, and not only those that people look at
+    #[arg(long)]
+    pub(crate) all_columns: bool,
     /// Output table: .csv, .jsonl or .parquet (requires the feature `parquet`)
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,

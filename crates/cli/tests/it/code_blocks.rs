@@ -48,9 +48,10 @@ fn blocks(text: &str) -> Vec<Block> {
     blocks
 }
 
-/// README and the guides: name and text.
+/// README, the tutorials and the guides: name and text.
 fn documents() -> Vec<(String, String)> {
-    let guides = fs::read_dir(root().join("docs/guide")).unwrap().map(|entry| entry.unwrap().path());
+    let folders = ["docs/tutorial", "docs/guide"].into_iter();
+    let guides = folders.flat_map(|folder| fs::read_dir(root().join(folder)).unwrap()).map(|entry| entry.unwrap().path());
     let mut paths: Vec<_> = guides.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect();
     paths.sort();
     paths.insert(0, root().join("README.md"));

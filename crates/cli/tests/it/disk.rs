@@ -12,7 +12,10 @@ fn two_runs_at_once_get_a_folder_each() {
     let folders = lab.names("flights");
     assert_eq!(folders.len(), 3, "{folders:?}");
     for folder in folders {
-        assert_eq!(lab.names(&format!("flights/{folder}")), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+        assert_eq!(
+            lab.names(&format!("flights/{folder}")),
+            ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]
+        );
     }
 }
 

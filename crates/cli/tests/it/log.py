@@ -62,16 +62,35 @@ def read(folder, pictures):
     return messages
 
 
+def for_people(value):
+    """A message as the files beside the log have it: seconds, and six digits."""
+    if isinstance(value, dict):
+        fields = {}
+        for name, of in value.items():
+            if name in ("captured", "asked", "answered", "deadline") and isinstance(of, int):
+                fields[name + "_s"] = float(f"{of / 1e9:.5e}")
+            elif isinstance(of, dict) and set(of) == {"secs", "nanos"}:
+                fields[name + "_s"] = float(f"{of['secs'] + of['nanos'] / 1e9:.5e}")
+            else:
+                fields[name] = for_people(of)
+        return fields
+    if isinstance(value, list):
+        return [for_people(of) for of in value]
+    return float(f"{value:.5e}") if isinstance(value, float) else value
+
+
 def check(folder, pictures):
     messages = read(folder, pictures)
     summary = json.loads((folder / "summary.json").read_text())
     (head,) = [value for _, value in messages["/flight"]]
-    assert head["instruction"] == summary["instruction"] and head["settings"] == summary["settings"]
+    assert head["instruction"] == summary["instruction"] and for_people(head["settings"]) == summary["settings"]
     assert head["sim"]["seed"] == summary["seed"] and head["sim"]["scene"] == summary["scene"]
-    assert [value for _, value in messages["/summary"]] == [summary]
+    assert [for_people(value) for _, value in messages["/summary"]] == [summary]
     rows = [json.loads(line) for line in (folder / "decisions.jsonl").read_text().splitlines()]
     logged = [value for _, value in messages["/decision"]]
-    assert [row | value for row, value in zip(rows, logged, strict=True)] == rows
+    prompts = {row["id"]: row["prompt"] for row in map(json.loads, (folder / "queries.jsonl").read_text().splitlines())}
+    assert prompts == {value["query"]["id"]: value["query"].pop("prompt") for value in logged if "prompt" in value["query"]}
+    assert [row | for_people(value) for row, value in zip(rows, logged, strict=True)] == rows
     # Every setpoint before and after the envelope; the latter is never faster than the limit.
     setpoints = [value for _, value in messages["/command"] if value["command"] == "setpoint"]
     assert setpoints and all(value.keys() >= {"wanted", "cleared", "valid_until"} for value in setpoints)

@@ -173,7 +173,7 @@ fn a_folder_of_logs_is_one_table() {
     let (one, two) = (lab.decisions("flights/one"), lab.decisions("flights/two"));
     let parquet = cfg!(feature = "parquet");
     for table in ["decisions.csv", "decisions.jsonl", "decisions.parquet"].into_iter().take(if parquet { 3 } else { 2 }) {
-        let run = lab.spf(&["log", "export", "flights", "-o", table]);
+        let run = lab.spf(&["log", "export", "flights", "--all-columns", "-o", table]);
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         assert!(run.stdout.starts_with(&format!("{table}: {} rows, ", one.len() + two.len())), "{}", run.stdout);
     }
@@ -286,7 +286,7 @@ fn a_flight_is_shared_and_opened() {
         "left out: date and time of the flight\n",
         "positions are metres from the start",
         "made again from it: no difference in ",
-        "not in it: decisions.jsonl, summary.json, video.mp4, trajectory.svg\n",
+        "not in it: decisions.jsonl, queries.jsonl, summary.json, video.mp4, trajectory.svg\n",
     ] {
         assert!(shared.stdout.contains(told), "{told}: {}", shared.stdout);
     }
@@ -295,7 +295,7 @@ fn a_flight_is_shared_and_opened() {
     let opened = lab.spf(&["log", "open", "001-shared.mcap", "--out", "crane"]);
     assert_eq!(opened.code, Some(0), "{}{}", opened.stdout, opened.stderr);
     assert!(opened.stdout.starts_with("\"fly to the red crane\", sim with oracle: timeout\n"), "{}", opened.stdout);
-    assert_eq!(lab.names("crane"), ["decisions.jsonl", "flight.mcap", "summary.json"]);
+    assert_eq!(lab.names("crane"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json"]);
     assert_eq!(lab.decisions("crane").len(), lab.decisions("flights/001-crane").len());
     assert_eq!(lab.spf(&["replay", "crane/flight.mcap"]).code, Some(0));
     assert!(!by_topic(&lab.path("crane/flight.mcap")).contains_key("/camera/image"));
@@ -322,10 +322,10 @@ fn what_cannot_be_shared_or_opened_is_named() {
         (&["log", "share", "mine", "-o", "mine.mcap"][..], "`mine.mcap` exists"),
         (&["log", "share", "nowhere"], "cannot find the flight `nowhere`"),
         (&["log", "share", "empty"], "`empty` is not a flight: it has no flight.mcap"),
-        (&["log", "share", "letter.txt", "-o", "l.mcap"], "cannot read the flight log `letter.txt`"),
+        (&["log", "share", "letter.txt", "-o", "l.mcap"], "`letter.txt` is not a log"),
         (&["log", "share", "mine.mcap", "-o", "l.mcap"], "the log was shared before"),
         (&["log", "open", "nowhere.mcap"], "cannot read the flight log `nowhere.mcap`"),
-        (&["log", "open", "letter.txt"], "not an MCAP file"),
+        (&["log", "open", "letter.txt"], "`letter.txt` is not a log"),
         (&["log", "open", "torn.mcap"], "the file is truncated"),
         (&["log", "open", "mine/flight.mcap"], "not made by `spf log share`"),
         (&["log", "open", "mine.mcap", "--out", "mine"], "is not empty"),

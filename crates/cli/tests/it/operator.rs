@@ -22,13 +22,13 @@ fn fly(max_time: &str, events: &str) -> (i32, Value, Vec<Value>, String) {
     ];
     let run = lab.spf(&args);
     let summary = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
     (run.code.unwrap(), summary, lab.decisions("mine"), run.stderr)
 }
 
 /// A time of a decision, written in nanoseconds.
 fn seconds(decision: &Value, key: &str) -> f64 {
-    decision[key].as_u64().unwrap_or_else(|| panic!("{key} of {decision}")) as f64 * 1e-9
+    decision[format!("{key}_s")].as_f64().unwrap_or_else(|| panic!("{key} of {decision}"))
 }
 
 #[test]

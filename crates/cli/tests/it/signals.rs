@@ -64,7 +64,7 @@ fn ctrl_c_lands_and_closes_everything() {
         message.contains("operator: land") && message.contains("landing") && message.trim_end().ends_with("ended"),
         "{message}"
     );
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
     lab.decisions("mine");
 }
 
@@ -80,7 +80,7 @@ fn a_second_ctrl_c_stops_at_once() {
     assert_eq!((code, printed.as_str()), (Some(5), ""), "{message}");
     assert!(!message.lines().any(|line| line.ends_with("  ended")), "{message}");
     assert!(message.contains("ended by the second Ctrl-C"), "{message}");
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl"]);
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn kill_leaves_whole_lines() {
     assert_eq!(repaired.code, Some(0), "{}", repaired.stderr);
     let told: Value = serde_json::from_str(&lab.spf(&["log", "info", "mine/flight.mcap", "--json"]).stdout).unwrap();
     assert_eq!(told["whole"], true);
-    let decided = rows[rows.len() - 1]["answered"].as_u64().unwrap() as f64 * 1e-9;
+    let decided = rows[rows.len() - 1]["answered_s"].as_f64().unwrap();
     assert!(told["until_s"].as_f64().unwrap() > decided - 1.5, "{told}");
 }
 
@@ -121,5 +121,5 @@ fn a_flight_on_the_wall_clock_ends_by_itself() {
     // Its timing depends on the machine, but the replay is identical to the bit.
     let again = lab.spf(&["replay", "mine/flight.mcap"]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "queries.jsonl", "summary.json", "trajectory.svg"]);
 }

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 /// The files that a flight writes (docs/reference/flight-files.md). The first one goes last: it marks the folder as a flight.
-const FILES: [&str; 6] = ["summary.json", "decisions.jsonl", "flight.mcap", "vlm.jsonl", "video.mp4", "trajectory.svg"];
+const FILES: [&str; 7] =
+    ["summary.json", "decisions.jsonl", "queries.jsonl", "flight.mcap", "vlm.jsonl", "video.mp4", "trajectory.svg"];
 /// The end of a complete log (mcap.dev/spec, magic).
 const COMPLETE: &[u8] = b"\x89MCAP0\r\n";
 /// A log without its end that was not written to for this long is that of a program that was killed.

@@ -51,7 +51,8 @@ const SIMULATED: [&str; 22] = [
     "strong",
 ];
 /// Files of a flight, which its summary may say were not recorded.
-const FILES: [&str; 6] = ["flight.mcap", "decisions.jsonl", "vlm.jsonl", "video.mp4", "trajectory.svg", "summary.json"];
+const FILES: [&str; 7] =
+    ["flight.mcap", "decisions.jsonl", "queries.jsonl", "vlm.jsonl", "video.mp4", "trajectory.svg", "summary.json"];
 /// What the pilot itself says of a query that failed, with its numbers as `#`.
 const OWN_REASONS: [&str; 5] = [
     "no reply within # s",

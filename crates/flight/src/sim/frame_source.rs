@@ -47,9 +47,11 @@ impl FrameSource for SimFrameSource {
 
     fn map(&self, targets: &[String]) -> (Vec<Outline>, Option<EnuPosition>) {
         let (loaded, now) = (self.0.loaded(), self.0.now());
-        let distance = |key: &str| loaded.distance_to(loaded.scene.by_key(key)?.id, &now.actors, now.pose.position);
-        let near = targets.iter().filter_map(|key| Some((key, distance(key)?))).min_by(|a, b| a.1.total_cmp(&b.1));
-        let centre = near.and_then(|(key, _)| outline::centre(loaded, &now.actors, key));
-        (outline::outlines(loaded, &now.actors), centre)
+        let here = now.pose.position;
+        let distance = |id| loaded.distance_to(id, &now.actors, here);
+        let ids = targets.iter().filter_map(|key| Some(loaded.scene.by_key(key)?.id));
+        let near = ids.filter_map(|id| Some((id, distance(id)?))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let surface = near.and_then(|(id, _)| loaded.nearest_of(id, &now.actors, here));
+        (outline::outlines(loaded, &now.actors), surface)
     }
 }

@@ -187,6 +187,17 @@ impl LoadedScene {
         }
     }
 
+    /// The point of an object's surface that is nearest to a point; of an actor, its middle.
+    pub(super) fn nearest_of(&self, object: ObjectId, actors: &[ActorPlace], point: EnuPosition) -> Option<EnuPosition> {
+        match self.cast.of_object(object) {
+            Some(_) => {
+                let moving = self.scene.objects.iter().find(|one| one.id == object)?;
+                Some(place(&self.bounds(moving, actors)).centre)
+            }
+            None => self.collider.nearest_of(object, point),
+        }
+    }
+
     /// Tags and positions of all objects with the actors at the given places, for evaluation.
     #[must_use]
     pub fn placed(&self, actors: &[ActorPlace]) -> Vec<Placed<'_>> {

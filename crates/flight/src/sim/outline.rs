@@ -1,6 +1,5 @@
 //! Outlines of the scene, for a flight's map and log.
 
-use spf_core::geometry::EnuPosition;
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
 use spf_scene::actors::ActorPlace;
@@ -38,17 +37,6 @@ fn lowest_first(loaded: &LoadedScene) -> Vec<&Object> {
         loaded.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
     objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
     objects
-}
-
-/// Centre of an object's bounding box.
-pub(super) fn centre(loaded: &LoadedScene, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
-    let bounds = loaded.bounds(loaded.scene.by_key(key)?, actors);
-    let middle = |low: f64, high: f64| 0.5 * (low + high);
-    Some(EnuPosition {
-        east: middle(bounds.min.east, bounds.max.east),
-        north: middle(bounds.min.north, bounds.max.north),
-        up: middle(bounds.min.up, bounds.max.up),
-    })
 }
 
 /// Map colour: ground by its kind, everything else by its named colour.

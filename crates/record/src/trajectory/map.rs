@@ -272,6 +272,8 @@ pub(super) fn marked_sign(svg: &mut Svg, from: [f64; 2], to: [f64; 2], title: &s
 pub(super) fn target_sign(svg: &mut Svg, x: f64, y: f64) {
     for (radius, fill) in [(9.0, "none"), (3.0, colours::TARGET)] {
         let style = format!("fill=\"{fill}\" stroke=\"{}\" stroke-width=\"2.5\"", colours::TARGET);
-        svg.raw(&format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {style}><title>target's middle</title></circle>\n"));
+        svg.raw(&format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {style}><title>target's nearest surface</title></circle>\n"
+        ));
     }
 }

@@ -49,6 +49,10 @@ struct Answered {
 
 pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
     let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
+        // One word alone is a picture without an instruction more often than the reverse.
+        if let [alone] = args.words.as_slice() {
+            found(alone)?;
+        }
         return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
     };

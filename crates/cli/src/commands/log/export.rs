@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spf_flight::log::Channel;
 use spf_record::log::export::{Export, ExportError, Format};
 
-use super::{spare, warn_truncated};
+use super::{spare, unreadable, warn_truncated};
 use crate::args::Export as Args;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -19,6 +19,28 @@ const CONTEXT: [(&str, &str); 6] = [
     ("flight.policy", "/policy"),
     ("flight.scene", "/sim/scene"),
     ("flight.seed", "/sim/seed"),
+];
+
+/// Columns of decisions that people look at; the others are exported with `--all-columns`.
+const DECISIONS: [&str; 18] = [
+    "time_s",
+    "number",
+    "reading.reply.status",
+    "reading.reply.target",
+    "reading.reply.depth",
+    "reading.waypoint.u",
+    "reading.waypoint.v",
+    "reading.step",
+    "reading.displacement.right",
+    "reading.displacement.forward",
+    "reading.displacement.up",
+    "step",
+    "latency_s",
+    "pose.position.east",
+    "pose.position.north",
+    "pose.position.up",
+    "pose.attitude.heading",
+    "anchor.range",
 ];
 
 /// Maximum depth of nested folders; links that lead back would never end.
@@ -40,7 +62,8 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
     }
     printer.log(&format!("reading {} {} …", logs.len(), if logs.len() == 1 { "log" } else { "logs" }));
     let topic = if args.topic.starts_with('/') { args.topic.clone() } else { format!("/{}", args.topic) };
-    let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name() };
+    let columns = (!args.all_columns && topic == Channel::Decision.name()).then_some(&DECISIONS[..]);
+    let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name(), columns };
     let table = export.write(format, &args.output).map_err(|error| match &error {
         ExportError::NotBuilt => CliError::usage(format!("--output: cannot write `{}`", args.output.display()))
             .because(&error)
@@ -48,14 +71,15 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
         ExportError::Empty(_) => {
             CliError::usage("nothing to export").because(&error).hint("`spf log info` lists the topics of a log")
         }
-        ExportError::Read { .. } => CliError::usage("cannot export a log").because(&error).hint("give only flight logs"),
+        ExportError::Read { path, source } => unreadable(path, source),
         _ => CliError::internal("cannot write the table").because(&error),
     })?;
     for path in &table.torn {
         warn_truncated(path, printer);
     }
     let (rows, columns) = (table.rows, table.columns.len());
-    printer.result(&format!("{}: {rows} rows, {columns} columns, from {} logs", args.output.display(), logs.len()));
+    let more = if export.columns.is_some() { "; --all-columns has the rest" } else { "" };
+    printer.result(&format!("{}: {rows} rows, {columns} columns, from {} logs{more}", args.output.display(), logs.len()));
     Ok(Exit::Success)
 }
 

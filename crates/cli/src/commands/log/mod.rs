@@ -43,6 +43,9 @@ fn spare(output: &Path, overwrite: bool) -> Result<(), CliError> {
 
 /// The error for a log that cannot be read.
 pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
+    if matches!(error, ReadError::Broken(_)) && !begins_as_log(path) {
+        return CliError::usage(format!("`{}` is not a log", path.display())).hint("give the flight.mcap in a flight's folder");
+    }
     let unreadable_log = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);
     match error {
         ReadError::Format(_) => unreadable_log.hint("it was written by a later version of spf: use that version"),
@@ -52,6 +55,13 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
         ReadError::Read(_) => unreadable_log.hint("give the flight.mcap in a flight's folder"),
         _ => unreadable_log.hint(format!("`spf log repair {}` recovers the readable part of a flight log", path.display())),
     }
+}
+
+/// Whether a file begins as every MCAP file does (MCAP specification, "Magic").
+fn begins_as_log(path: &Path) -> bool {
+    let mut magic = [0; 8];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut magic));
+    read.is_ok() && magic == *b"\x89MCAP0\r\n"
 }
 
 /// The error for a log that cannot be replayed.

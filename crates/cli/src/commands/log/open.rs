@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 use spf_core::time::Time;
+use spf_flight::rows::Rows;
 use spf_flight::share::{Opened, ShareError, SharedMark, check};
+use spf_flight::summary::in_seconds;
 use spf_flight::words;
 use spf_pilot::Outcome;
 use spf_record::OutDir;
@@ -104,10 +106,14 @@ fn unpack(args: &Open, folder: &std::path::Path, opened: &Opened) -> Result<(), 
         |error: &dyn std::error::Error| CliError::usage(format!("--out: cannot unpack to `{}`", folder.display())).because(error);
     let out = OutDir::at(folder).map_err(|error| failed(&error).hint("give a new or an empty folder"))?;
     std::fs::copy(&args.file, out.file("flight.mcap")).map_err(|error| failed(&error))?;
-    let lines: Vec<u8> = opened.decisions.iter().flat_map(|row| row.iter().copied().chain([b'\n'])).collect();
-    out.write("decisions.jsonl", &lines).map_err(|error| failed(&error))?;
+    let rows: Vec<Rows> = opened.decisions.iter().filter_map(|row| Some(Rows::of(serde_json::from_slice(row).ok()?))).collect();
+    let lines = |rows: Vec<&serde_json::Value>| rows.iter().map(|row| format!("{row}\n")).collect::<String>();
+    let decisions = lines(rows.iter().map(|rows| &rows.decision).collect());
+    out.write("decisions.jsonl", decisions.as_bytes()).map_err(|error| failed(&error))?;
+    let queries = lines(rows.iter().filter_map(|rows| rows.query.as_ref()).collect());
+    out.write("queries.jsonl", queries.as_bytes()).map_err(|error| failed(&error))?;
     if let Some(summary) = &opened.summary {
-        out.write_summary(summary).map_err(|error| failed(&error))?;
+        out.write_summary(&in_seconds(summary)).map_err(|error| failed(&error))?;
     }
     Ok(())
 }

@@ -158,7 +158,7 @@ fn tell(output: &Path, shared: &Shared, instruction: &str, printer: &Printer) {
 
 /// Tells which other files of the folder are not in it.
 fn files_beside(log: &Path, printer: &Printer) {
-    let beside = ["decisions.jsonl", "summary.json", "vlm.jsonl", "video.mp4", "trajectory.svg"];
+    let beside = ["decisions.jsonl", "queries.jsonl", "summary.json", "vlm.jsonl", "video.mp4", "trajectory.svg"];
     let there: Vec<&str> = beside.into_iter().filter(|name| log.with_file_name(name).is_file()).collect();
     if !there.is_empty() {
         printer.result(&format!("not in it: {}", there.join(", ")));

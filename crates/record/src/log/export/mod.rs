@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use crate::people::{for_people, six_digits};
+
 use super::{Entry, LogReader, ReadError, foxglove};
 use cell::{Cell, Kind, flatten};
 pub use files::Format;
@@ -68,6 +70,8 @@ pub struct Export<'a> {
     pub context: &'a [(&'a str, &'a str)],
     /// The topic of the additional columns.
     pub context_topic: &'a str,
+    /// The columns to write besides the log's name and those of the context; `None` for all.
+    pub columns: Option<&'a [&'a str]>,
 }
 
 /// Facts about an exported table.
@@ -136,13 +140,19 @@ impl Export<'_> {
                 if entry.topic == self.topic {
                     let mut row = vec![(LOG.to_owned(), Cell::Text(name.clone()))];
                     row.extend(context.iter().cloned());
-                    row.push((TIME.to_owned(), Cell::Real(entry.time.as_secs_f64())));
-                    flatten("", &value_of(&entry), &mut row);
+                    row.push((TIME.to_owned(), Cell::Real(six_digits(entry.time.as_secs_f64()))));
+                    flatten("", &for_people(value_of(&entry)), &mut row);
+                    row.retain(|(name, _)| self.is_wanted(name));
                     take(row)?;
                 }
             }
         }
         Ok(())
+    }
+
+    fn is_wanted(&self, column: &str) -> bool {
+        let is_context = || column == LOG || self.context.iter().any(|(name, _)| *name == column);
+        self.columns.is_none_or(|columns| columns.contains(&column) || is_context())
     }
 
     fn context_of(&self, entry: &Entry) -> Vec<(String, Cell)> {
