@@ -38,6 +38,8 @@ const FPS: u64 = 10;
 pub(crate) const SIZE: (u32, u32) = (640, 480);
 /// Maximum number of frames queued for rendering.
 const WAITING: usize = 16;
+/// Maximum number of rendered images queued for encoding, a megabyte each: a slow image delays the encoder no more than it must.
+const RENDERED: usize = 3;
 
 /// Quality of the JPEG images in the log, high enough to keep the edges of distant objects.
 const JPEG_QUALITY: u8 = 80;
@@ -71,7 +73,7 @@ struct Shot {
     corner: Option<Rgb>,
 }
 
-/// A video being recorded. Frames are rendered and encoded in a separate thread, so that setpoints are never delayed;
+/// A video being recorded. Frames are rendered in one thread and encoded in another, so that setpoints are never delayed;
 /// the resulting bytes do not depend on timing. On the wall clock, frames are dropped if there is no time for them.
 pub(crate) struct Film {
     frame_source: Arc<dyn FrameSource>,
@@ -90,11 +92,12 @@ pub(crate) struct Film {
     depth: Option<(Time, DepthGrid)>,
     live: bool,
     shots: SyncSender<Shot>,
+    renderer: JoinHandle<()>,
     encoder: JoinHandle<Result<(), VideoError>>,
 }
 
 impl Film {
-    /// Opens the file and starts the encoder. The unmarked camera images also go to the `log`.
+    /// Opens the file and starts both threads. The unmarked camera images also go to the `log`.
     pub(crate) fn start(
         path: &Path,
         frame_source: Arc<dyn FrameSource>,
@@ -104,8 +107,10 @@ impl Film {
     ) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
         let (shots, waiting) = sync_channel(WAITING);
+        let (rendered, images) = sync_channel(RENDERED);
         let camera = *frame_source.camera();
-        let encoder = std::thread::spawn(move || encode(writer, &camera, &waiting, log.as_ref()));
+        let renderer = std::thread::spawn(move || render(&waiting, &rendered));
+        let encoder = std::thread::spawn(move || encode(writer, &camera, &images, log.as_ref()));
         Ok(Self {
             frame_source,
             title: title.to_owned(),
@@ -119,6 +124,7 @@ impl Film {
             depth: None,
             live,
             shots,
+            renderer,
             encoder,
         })
     }
@@ -239,15 +245,32 @@ impl Film {
     /// Finishes the file.
     pub(crate) fn finish(self) -> Result<(), VideoError> {
         drop(self.shots);
-        // A panic of the encoder is a bug, but it must not unwind through the loop that flies the craft.
-        self.encoder.join().unwrap_or(Err(VideoError::Panicked))
+        // A panic of either thread is a bug, but it must not unwind through the loop that flies the craft.
+        let rendered = self.renderer.join().map_err(|_| VideoError::Panicked);
+        rendered.and(self.encoder.join().unwrap_or(Err(VideoError::Panicked)))
     }
 }
 
-fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
-    let (mut trouble, mut scaler) = (None, Scaler::default());
+/// Renders on all processors, while the encoder, which uses one, is at work on the images before.
+fn render(shots: &Receiver<Shot>, rendered: &SyncSender<(Shot, Rgb)>) {
+    let mut scaler = Scaler::default();
     for shot in shots {
-        let mut image = shot.photo.at(SIZE, &mut scaler);
+        let image = shot.photo.at(SIZE, &mut scaler);
+        if rendered.send((shot, image)).is_err() {
+            // The encoder has stopped, and knows why.
+            return;
+        }
+    }
+}
+
+fn encode(
+    mut writer: VideoWriter,
+    camera: &Camera,
+    rendered: &Receiver<(Shot, Rgb)>,
+    log: Option<&Outlet>,
+) -> Result<(), VideoError> {
+    let mut trouble = None;
+    for (shot, mut image) in rendered {
         let marks = Marks { waypoint: waypoint(camera, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
             && let Ok(jpeg) = Jpeg::encode(&image, JPEG_QUALITY)
@@ -259,7 +282,6 @@ fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log:
             trouble = Some(error);
             break;
         }
-        scaler.reuse(image);
     }
     // Finish the file, so that everything up to the error can be played.
     let ended = writer.finish().map(|_| ());
