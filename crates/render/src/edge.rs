@@ -2,17 +2,30 @@
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{I, Simd, each};
-use super::raster::{NONE, SUB, ScreenTriangle, TILE};
+use super::lanes::{F, I, Simd, each};
+use super::raster::{BLOCKS, NONE, SUB, ScreenTriangle, TILE};
 
 /// Number of samples of an edge pixel.
 pub(crate) const COUNT: usize = 8;
 /// Their positions, 1/16 pixel: no two in a row or column (an eight queens pattern).
 pub(crate) const SAMPLES: [(i32, i32); COUNT] = [(1, 9), (3, 3), (5, 13), (7, 7), (9, 1), (11, 11), (13, 5), (15, 15)];
+/// The same, by axis.
+const RIGHT: [i32; COUNT] = along(0);
+const DOWN: [i32; COUNT] = along(1);
 /// Maximum offset of a pixel's samples from its corner, right or down.
 const SPAN: i32 = SUB - 1;
-/// Blocks of a tile, each 8×8 pixels.
-const BLOCKS: usize = 64;
+
+/// One coordinate of the samples.
+const fn along(axis: usize) -> [i32; COUNT] {
+    let mut offsets = [0; COUNT];
+    let mut sample = 0;
+    while sample < COUNT {
+        let (right, down) = SAMPLES[sample];
+        offsets[sample] = if axis == 0 { right } else { down };
+        sample += 1;
+    }
+    offsets
+}
 
 /// The visible triangles at the samples of one pixel.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +35,14 @@ pub(crate) struct PixelSamples {
     pub(crate) y: u8,
     pub(crate) near: [f32; COUNT],
     pub(crate) id: [u32; COUNT],
+}
+
+impl PixelSamples {
+    /// The samples that show a triangle, one bit each.
+    #[inline]
+    pub(crate) fn showing(&self, id: u32) -> u32 {
+        self.id.iter().enumerate().fold(0, |bits, (sample, other)| bits | u32::from(*other == id) << sample)
+    }
 }
 
 /// The pixels on edges of one tile.
@@ -80,6 +101,10 @@ impl Edges {
         if px0 > px1 || py0 > py1 {
             return;
         }
+        let blocks = [py0 >> 3, py1 >> 3, px0 >> 3, px1 >> 3];
+        if !self.may_show(simd, t, blocks) {
+            return;
+        }
         let (mut a, mut b, mut e) = ([0i32; 3], [0i32; 3], [0i32; 3]);
         for i in 0..3 {
             let j = (i + 1) % 3;
@@ -116,11 +141,14 @@ impl Edges {
                 }
                 let z = base + t.slope_x * (bx * 8) as f32 + t.slope_y * (by * 8) as f32;
                 let reach = (z + t.slope_x.max(0.0) * 8.0 + t.slope_y.max(0.0) * 8.0).clamp(t.farthest, t.nearest);
-                if reach <= self.far(block) {
+                if reach <= self.far(simd, block) {
                     continue;
                 }
                 self.stale |= 1 << block;
-                let steps = steps.get_or_insert_with(|| Steps::new(t, da, db));
+                let steps = steps.get_or_insert_with(
+                    #[inline(always)]
+                    || Steps::new(simd, t, da, db),
+                );
                 let across = across.get_or_insert_with(
                     #[inline(always)]
                     || [multiples(simd, a[0]), multiples(simd, a[1]), multiples(simd, a[2])],
@@ -148,18 +176,32 @@ impl Edges {
         }
     }
 
+    /// False if no pixel is wanted where a triangle may be, or all of them show something nearer: true of most triangles of a tile, whose
+    /// edges are then not needed. `blocks` are the first and last row, and the first and last column.
+    #[inline(always)]
+    fn may_show<S: Simd>(&mut self, simd: S, t: &ScreenTriangle, [top, bottom, left, right]: [i32; 4]) -> bool {
+        for row in top..=bottom {
+            for column in left..=right {
+                let block = (row * 8 + column) as usize;
+                if self.wanted[block] != 0 && t.nearest > self.far(simd, block) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
     /// The minimum nearness at the samples of a block.
     #[inline(always)]
-    fn far(&mut self, block: usize) -> f32 {
+    fn far<S: Simd>(&mut self, simd: S, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
             self.stale &= !(1 << block);
             let (first, count) = (self.first[block] as usize, self.wanted[block].count_ones() as usize);
-            let mut least = [f32::INFINITY; COUNT];
+            let mut least = F::splat(simd, f32::INFINITY);
             for seen in &self.pixels[first..first + count] {
-                for (m, &v) in least.iter_mut().zip(&seen.near) {
-                    *m = if v < *m { v } else { *m };
-                }
+                least = F::from_slice(simd, &seen.near).min(least);
             }
+            let least: [f32; COUNT] = least.into();
             self.far[block] = least.into_iter().fold(f32::INFINITY, f32::min);
         }
         self.far[block]
@@ -177,37 +219,27 @@ fn multiples<S: Simd>(simd: S, step: i32) -> I<S> {
 }
 
 /// Change of a triangle's edges and nearness from a pixel's corner to its samples.
-struct Steps {
-    edges: [[i32; COUNT]; 3],
-    near: [f32; COUNT],
+struct Steps<S: Simd> {
+    edges: [I<S>; 3],
+    near: F<S>,
 }
 
-impl Steps {
+impl<S: Simd> Steps<S> {
     /// `a` and `b` are the edges' changes per 1/16 pixel right and down.
-    fn new(t: &ScreenTriangle, a: [i32; 3], b: [i32; 3]) -> Self {
-        let mut steps = Self { edges: [[0; COUNT]; 3], near: [0.0; COUNT] };
+    #[inline(always)]
+    fn new(simd: S, t: &ScreenTriangle, a: [i32; 3], b: [i32; 3]) -> Self {
+        let (right, down) = (I::from_slice(simd, &RIGHT), I::from_slice(simd, &DOWN));
+        let edge = |i: usize| right * a[i] + down * b[i];
         let (slope_x, slope_y) = (t.slope_x / SUB as f32, t.slope_y / SUB as f32);
-        for (s, (right, down)) in SAMPLES.into_iter().enumerate() {
-            for i in 0..3 {
-                steps.edges[i][s] = a[i] * right + b[i] * down;
-            }
-            steps.near[s] = slope_x * right as f32 + slope_y * down as f32;
-        }
-        steps
+        let near = right.to_float::<F<S>>() * slope_x + down.to_float::<F<S>>() * slope_y;
+        Self { edges: [edge(0), edge(1), edge(2)], near }
     }
 
     /// `at` and `z` are those of the pixel's corner.
     #[inline(always)]
     fn draw(&self, t: &ScreenTriangle, at: [i32; 3], z: f32, seen: &mut PixelSamples) {
-        let [first, second, third] = &self.edges;
-        for s in 0..COUNT {
-            let inside = (at[0] + first[s]) | (at[1] + second[s]) | (at[2] + third[s]);
-            let value = z + self.near[s];
-            let value = if value > t.farthest { value } else { t.farthest };
-            let value = if value < t.nearest { value } else { t.nearest };
-            let wins = (inside >= 0) & (value > seen.near[s]);
-            seen.near[s] = if wins { value } else { seen.near[s] };
-            seen.id[s] = if wins { t.id } else { seen.id[s] };
-        }
+        let [first, second, third] = self.edges;
+        let inside = (first + at[0]) | (second + at[1]) | (third + at[2]);
+        t.draw_eight(inside, self.near + z, &mut seen.near, &mut seen.id);
     }
 }

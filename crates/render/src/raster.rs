@@ -11,6 +11,8 @@ use super::lanes::{F, I, LANES, Simd, U, each};
 pub(crate) const TILE: i32 = 64;
 /// Samples of a tile.
 pub(crate) const TILE_AREA: usize = (TILE * TILE) as usize;
+/// Blocks of a tile, each 8×8 pixels.
+pub(crate) const BLOCKS: usize = 64;
 /// Sub-pixel steps per pixel.
 pub(crate) const SUB: i32 = 16;
 /// No triangle here.
@@ -85,6 +87,14 @@ impl ScreenTriangle {
         area < i64::from(SUB) * 3 / 2 * long.max(tall)
     }
 
+    /// True if the triangle is nowhere nearer than what is seen already; `far` has the minimum nearness of each block of the tile at
+    /// pixel (`x`, `y`).
+    pub(crate) fn is_hidden(&self, (x, y): (i32, i32), far: &[f32; BLOCKS]) -> bool {
+        let Some([left, right, top, bottom]) = self.pixels(x + TILE, y + TILE) else { return true };
+        let blocks = |first: i32, last: i32, start: i32| (first - start).max(0) >> 3..=(last - start) >> 3;
+        blocks(top, bottom, y).all(|row| blocks(left, right, x).all(|column| self.nearest <= far[(row * 8 + column) as usize]))
+    }
+
     /// Calls `touched` with each pixel whose square the triangle may touch, and with the triangle's nearness there. The
     /// tile is at pixel (`x`, `y`), and `width` × `height` of it lie in the image.
     pub(crate) fn squares(&self, (x, y): (i32, i32), width: i32, height: i32, mut touched: impl FnMut(usize, usize, f32)) {
@@ -125,6 +135,26 @@ impl ScreenTriangle {
     }
 }
 
+impl ScreenTriangle {
+    /// Renders eight samples: the nearer one wins; of equal ones the first stays. `inside` is negative outside the triangle, `value` its
+    /// nearness before it is clamped.
+    #[inline(always)]
+    pub(crate) fn draw_eight<S: Simd>(&self, inside: I<S>, value: F<S>, near: &mut [f32; LANES], id: &mut [u32; LANES]) {
+        let simd = value.token();
+        let (nothing, own) = (U::splat(simd, 0), U::splat(simd, self.id));
+        let value = value.max(self.farthest).min(self.nearest);
+        // Farther than anything outside the triangle.
+        let value = inside.simd_ge(0).select(value, F::splat(simd, -1.0));
+        let there = F::from_slice(simd, near);
+        let seen = value.simd_gt(there);
+        value.max(there).store_slice(near);
+        // The greater of two numbers, one of them 0, instead of a choice between the old and the new value: a
+        // compiler turns that choice into a masked store, which takes many times as long on some machines.
+        let (old, new) = (seen.select(nothing, U::from_slice(simd, id)), seen.select(own, nothing));
+        old.max(new).store_slice(id);
+    }
+}
+
 /// Index of a pixel in a tile: blocks of 8×8 pixels are stored one after another.
 #[inline]
 pub(crate) const fn place(x: usize, y: usize) -> usize {
@@ -136,7 +166,7 @@ pub(crate) struct Tile<'a> {
     pub(crate) near: &'a mut [f32],
     pub(crate) id: &'a mut [u32],
     /// The minimum nearness of each block where it is known, otherwise an earlier lower bound.
-    block_far: [f32; 64],
+    block_far: [f32; BLOCKS],
     stale: u64,
     /// Pixel of the upper left corner.
     x: i32,
@@ -149,7 +179,7 @@ impl<'a> Tile<'a> {
     /// `near` and `id` contain the previous content.
     pub(crate) fn new(near: &'a mut [f32], id: &'a mut [u32], (x, y): (i32, i32), sample: (i32, i32)) -> Self {
         assert!(near.len() == TILE_AREA && id.len() == TILE_AREA);
-        Self { near, id, block_far: [0.0; 64], stale: !0, x, y, sample }
+        Self { near, id, block_far: [0.0; BLOCKS], stale: !0, x, y, sample }
     }
 
     /// Renders a triangle: the nearer one wins; of equal ones the first stays.
@@ -222,21 +252,11 @@ impl<'a> Tile<'a> {
         let across = I::from_slice(simd, &each(|k| k as i32));
         let (a0, a1, a2) = (across * a[0], across * a[1], across * a[2]);
         let along = F::from_slice(simd, &each(|k| k as f32)) * t.slope_x;
-        let (nothing, own) = (U::splat(simd, 0), U::splat(simd, t.id));
         let both = near.iter_mut().zip(id).enumerate().take(rows.1 + 1).skip(rows.0);
         for (row, (near, id)) in both {
             let down = row as i32;
             let inside = (a0 + (at[0] + b[0] * down)) | (a1 + (at[1] + b[1] * down)) | (a2 + (at[2] + b[2] * down));
-            let value = (along + (z + t.slope_y * row as f32)).max(t.farthest).min(t.nearest);
-            // Farther than anything outside the triangle.
-            let value = inside.simd_ge(0).select(value, F::splat(simd, -1.0));
-            let there = F::from_slice(simd, near);
-            let seen = value.simd_gt(there);
-            value.max(there).store_slice(near);
-            // The greater of two numbers, one of them 0, instead of a choice between the old and the new value: a
-            // compiler turns that choice into a masked store, which takes many times as long on some machines.
-            let (old, new) = (seen.select(nothing, U::from_slice(simd, id)), seen.select(own, nothing));
-            old.max(new).store_slice(id);
+            t.draw_eight(inside, along + (z + t.slope_y * row as f32), near, id);
         }
     }
 
@@ -245,15 +265,21 @@ impl<'a> Tile<'a> {
     fn far<S: Simd>(&mut self, simd: S, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
             self.stale &= !(1 << block);
-            let mut least = F::splat(simd, f32::INFINITY);
-            for row in self.near[block * 64..block * 64 + 64].as_chunks::<LANES>().0 {
-                least = F::from_slice(simd, row).min(least);
-            }
-            let least: [f32; LANES] = least.into();
-            self.block_far[block] = least.into_iter().fold(f32::INFINITY, f32::min);
+            self.block_far[block] = least(simd, &self.near[block * 64..block * 64 + 64]);
         }
         self.block_far[block]
     }
+}
+
+/// The minimum of some nearness, a multiple of eight.
+#[inline(always)]
+pub(crate) fn least<S: Simd>(simd: S, near: &[f32]) -> f32 {
+    let mut least = F::splat(simd, f32::INFINITY);
+    for row in near.as_chunks::<LANES>().0 {
+        least = F::from_slice(simd, row).min(least);
+    }
+    let least: [f32; LANES] = least.into();
+    least.into_iter().fold(f32::INFINITY, f32::min)
 }
 
 #[cfg(test)]

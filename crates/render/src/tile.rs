@@ -6,7 +6,7 @@ use super::edge::{COUNT, Edges, PixelSamples, SAMPLES};
 use super::joins::Joins;
 use super::lanes::{LANES, Simd, U, with_instructions};
 use super::packet::Packets;
-use super::raster::{SUB, TILE, TILE_AREA, place};
+use super::raster::{BLOCKS, SUB, TILE, TILE_AREA, least, place};
 use super::setup::Bins;
 use super::shade::Shader;
 
@@ -24,6 +24,16 @@ impl Samples<'_> {
     #[inline]
     fn place(&self, x: usize, y: usize) -> usize {
         (y / TILE as usize * self.columns + x / TILE as usize) * TILE_AREA + place(x % TILE as usize, y % TILE as usize)
+    }
+
+    /// The minimum nearness of each block of a tile.
+    #[inline(always)]
+    fn far<S: Simd>(&self, simd: S, index: usize) -> [f32; BLOCKS] {
+        let mut far = [0.0; BLOCKS];
+        for (far, near) in far.iter_mut().zip(self.near[index * TILE_AREA..][..TILE_AREA].chunks_exact(TILE_AREA / BLOCKS)) {
+            *far = least(simd, near);
+        }
+        far
     }
 
     /// 1/z of the visible surface at a pixel, 0 for the sky.
@@ -68,7 +78,7 @@ impl Work {
         with_instructions!(shader.instructions, simd => {
             if shader.fine {
                 self.gather(samples, left, top, width, height);
-                let edges = self.find_edges(simd, shader, bins, index, area);
+                let edges = self.find_edges(simd, shader, (bins, samples), index, area);
                 self.fill(shader, samples, index, area, &edges);
                 self.packets.shade(simd, shader, rgb);
                 if !self.edges.is_empty() {
@@ -90,11 +100,11 @@ impl Work {
         &mut self,
         simd: S,
         shader: &Shader<'_>,
-        bins: &Bins,
+        (bins, samples): (&Bins, &Samples<'_>),
         index: usize,
         area: Area,
     ) -> [u64; TILE as usize] {
-        let mut edges = self.slivers(bins, index, area);
+        let mut edges = self.slivers(simd, bins, samples, index, area);
         let borders = self.borders(simd);
         let inside = u64::MAX >> (TILE as usize - area.width);
         for (y, (bits, borders)) in edges.iter_mut().zip(borders).enumerate().take(area.height) {
@@ -178,11 +188,12 @@ impl Work {
 
     /// Pixels touched by visible slivers, one bit each: the first pass may have missed the slivers.
     #[inline(always)]
-    fn slivers(&self, bins: &Bins, index: usize, area: Area) -> [u64; TILE as usize] {
+    fn slivers<S: Simd>(&self, simd: S, bins: &Bins, samples: &Samples<'_>, index: usize, area: Area) -> [u64; TILE as usize] {
         let mut rows = [0u64; TILE as usize];
         let corner = (area.left as i32, area.top as i32);
+        let far = samples.far(simd, index);
         for t in bins.of(index) {
-            if !t.is_thin() {
+            if !t.is_thin() || t.is_hidden(corner, &far) {
                 continue;
             }
             t.squares(corner, area.width as i32, area.height as i32, |x, y, near| {
@@ -262,20 +273,41 @@ struct Group {
     y: i32,
 }
 
-/// Groups a pixel's samples by surface; returns the number of groups.
+impl Group {
+    /// The samples of a pixel whose bits are set, in their order, so that the sum is always rounded alike.
+    fn of(seen: &PixelSamples, members: u32) -> Self {
+        let mut group =
+            Self { id: seen.id[members.trailing_zeros() as usize], count: members.count_ones() as u8, ..Self::default() };
+        let mut left = members;
+        while left != 0 {
+            let j = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let (across, down) = SAMPLES[j];
+            group.near += seen.near[j];
+            (group.x, group.y) = (group.x + across, group.y + down);
+        }
+        group
+    }
+}
+
+/// Groups a pixel's samples by surface; returns the number of groups. Most samples show one of two triangles, so that triangles are
+/// compared once, not for each sample.
 fn part(shader: &Shader<'_>, joins: &mut Joins, seen: &PixelSamples, groups: &mut [Group; COUNT]) -> usize {
     let mut left = (1u32 << COUNT) - 1;
     let mut count = 0;
     while left != 0 {
-        let mut group = Group { id: seen.id[left.trailing_zeros() as usize], ..Group::default() };
-        for (j, (across, down)) in SAMPLES.into_iter().enumerate() {
-            if left >> j & 1 == 1 && joins.continuous(shader, group.id, seen.id[j]) {
-                left &= !(1 << j);
-                group.near += seen.near[j];
-                (group.x, group.y, group.count) = (group.x + across, group.y + down, group.count + 1);
+        let id = seen.id[left.trailing_zeros() as usize];
+        let (mut members, mut rest) = (0, left);
+        while rest != 0 {
+            let other = seen.id[rest.trailing_zeros() as usize];
+            let same = rest & seen.showing(other);
+            rest &= !same;
+            if joins.continuous(shader, id, other) {
+                members |= same;
             }
         }
-        groups[count] = group;
+        left &= !members;
+        groups[count] = Group::of(seen, members);
         count += 1;
     }
     count
