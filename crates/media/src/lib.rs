@@ -21,6 +21,7 @@ pub mod frame;
 pub mod h264;
 pub mod jpeg;
 pub mod marks;
+mod pixels;
 pub mod png;
 pub mod points;
 pub mod resize;

@@ -2,6 +2,7 @@
 //!
 //! Single-threaded, no dropped frames, timestamps from the caller: equal images at equal times give equal bytes.
 
+use fearless_simd::{Simd, i32x8};
 use openh264::OpenH264API;
 use openh264::encoder::{
     Complexity, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, Profile, QpRange, RateControlMode, UsageType, VuiConfig,
@@ -10,6 +11,7 @@ use openh264::formats::YUVSlices;
 use spf_core::time::Time;
 
 use crate::frame::Rgb;
+use crate::pixels::{Pixels, sixteen, with_vectors};
 
 /// Why an image could not be encoded.
 #[derive(Debug, thiserror::Error)]
@@ -177,37 +179,64 @@ impl Planes {
     /// Converts in integer arithmetic with 1/65536 (ITU-R BT.709-6, items 3.2 to 3.5), independent of rounding modes.
     /// Chroma is the mean of four pixels.
     fn fill(&mut self, image: &Rgb) {
+        with_vectors!(simd => self.convert(simd, image));
+    }
+
+    #[inline(always)]
+    fn convert<S: Simd>(&mut self, simd: S, image: &Rgb) {
         let (width, half) = (self.width, self.width / 2);
         for (index, rows) in image.data().chunks_exact(width * 6).enumerate() {
             let (upper, lower) = rows.split_at(width * 3);
             let (luma_upper, luma_lower) = self.luma[index * 2 * width..][..2 * width].split_at_mut(width);
             let blue = &mut self.blue[index * half..][..half];
             let red = &mut self.red[index * half..][..half];
-            for column in 0..half {
+            let together = half / 8 * 8;
+            for column in (0..together).step_by(8) {
+                let [top, bottom] = [upper, lower].map(|row| sixteen(simd, &row[column * 6..]));
+                for (luma, pixels) in [(&mut *luma_upper, &top), (&mut *luma_lower, &bottom)] {
+                    put(pixels[0].mixed(simd, LUMA, LUMA_ADDED, 16), &mut luma[2 * column..][..8]);
+                    put(pixels[1].mixed(simd, LUMA, LUMA_ADDED, 16), &mut luma[2 * column + 8..][..8]);
+                }
+                // Four pixels are summed, hence two more bits.
+                let sums = Pixels::quartered(top, bottom);
+                put(sums.mixed(simd, BLUE, CHROMA_ADDED, 18), &mut blue[column..][..8]);
+                put(sums.mixed(simd, RED, CHROMA_ADDED, 18), &mut red[column..][..8]);
+            }
+            for column in together..half {
                 let (top, bottom) = (&upper[column * 6..][..6], &lower[column * 6..][..6]);
-                luma_upper[2 * column] = luma(top[0], top[1], top[2]);
-                luma_upper[2 * column + 1] = luma(top[3], top[4], top[5]);
-                luma_lower[2 * column] = luma(bottom[0], bottom[1], bottom[2]);
-                luma_lower[2 * column + 1] = luma(bottom[3], bottom[4], bottom[5]);
-                let sum = |channel: usize| {
-                    i32::from(top[channel])
-                        + i32::from(top[channel + 3])
-                        + i32::from(bottom[channel])
-                        + i32::from(bottom[channel + 3])
-                };
-                let (r, g, b) = (sum(0), sum(1), sum(2));
-                // Four pixels are summed, hence the scale of 4·65536; half of it is added for rounding.
-                blue[column] = (128 + ((-6_596 * r - 22_189 * g + 28_785 * b + 131_072) >> 18)) as u8;
-                red[column] = (128 + ((28_785 * r - 26_145 * g - 2_640 * b + 131_072) >> 18)) as u8;
+                let pixel = |row: &[u8], at: usize| [row[at], row[at + 1], row[at + 2]].map(i32::from);
+                for (luma, row) in [(&mut *luma_upper, top), (&mut *luma_lower, bottom)] {
+                    luma[2 * column] = weighed(pixel(row, 0), LUMA, LUMA_ADDED, 16);
+                    luma[2 * column + 1] = weighed(pixel(row, 3), LUMA, LUMA_ADDED, 16);
+                }
+                let four = [pixel(top, 0), pixel(top, 3), pixel(bottom, 0), pixel(bottom, 3)];
+                let sums = core::array::from_fn(|channel| four.iter().map(|pixel| pixel[channel]).sum());
+                blue[column] = weighed(sums, BLUE, CHROMA_ADDED, 18);
+                red[column] = weighed(sums, RED, CHROMA_ADDED, 18);
             }
         }
     }
 }
 
-/// BT.709 luma, 16 for black and 235 for white.
-fn luma(red: u8, green: u8, blue: u8) -> u8 {
-    let sum = 11_966 * i32::from(red) + 40_254 * i32::from(green) + 4_064 * i32::from(blue);
-    (16 + ((sum + 32_768) >> 16)) as u8
+/// Weights of red, green and blue, times 2¹⁶.
+const LUMA: [i32; 3] = [11_966, 40_254, 4_064];
+const BLUE: [i32; 3] = [-6_596, -22_189, 28_785];
+const RED: [i32; 3] = [28_785, -26_145, -2_640];
+/// Black, and a half for rounding: 16 for luma, and 128 for the chroma of four pixels.
+const LUMA_ADDED: i32 = (16 << 16) + (1 << 15);
+const CHROMA_ADDED: i32 = (128 << 18) + (1 << 17);
+
+/// One value of [`Pixels::mixed`].
+fn weighed(pixel: [i32; 3], weights: [i32; 3], add: i32, down: u32) -> u8 {
+    let sum: i32 = pixel.iter().zip(weights).map(|(channel, weight)| channel * weight).sum();
+    ((sum + add) >> down) as u8
+}
+
+/// Stores eight values, each within a byte.
+#[inline(always)]
+fn put<S: Simd>(values: i32x8<S>, into: &mut [u8]) {
+    let values: [i32; 8] = values.into();
+    into.iter_mut().zip(values).for_each(|(byte, value)| *byte = value as u8);
 }
 
 #[cfg(test)]
@@ -246,6 +275,27 @@ mod tests {
             let mut planes = Planes::new(16, 16);
             planes.fill(&Rgb::filled(16, 16, colour));
             assert_eq!([planes.luma[17], planes.blue[9], planes.red[9]], expected, "{colour:?}");
+        }
+    }
+
+    #[test]
+    fn pixels_converted_together_are_those_converted_alone() {
+        let mut image = Rgb::new(38, 4);
+        for (index, byte) in (0_u32..).zip(image.data_mut()) {
+            *byte = (index.wrapping_mul(2_654_435_761) >> 24) as u8;
+        }
+        let (mut planes, mut alone) = (Planes::new(38, 4), Planes::new(2, 2));
+        planes.fill(&image);
+        for (x, y) in (0..38).step_by(2).flat_map(|x| [(x, 0), (x, 2)]) {
+            let mut four = Rgb::new(2, 2);
+            for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                four.set_pixel(right, down, image.pixel(x + right, y + down).unwrap());
+            }
+            alone.fill(&four);
+            let (x, y) = (x as usize, y as usize);
+            let luma = [0, 1, 38, 39].map(|next| planes.luma[y * 38 + x + next]);
+            assert_eq!((&luma[..], planes.blue[y / 2 * 19 + x / 2]), (&alone.luma[..], alone.blue[0]), "{x} {y}");
+            assert_eq!(planes.red[y / 2 * 19 + x / 2], alone.red[0], "{x} {y}");
         }
     }
 
