@@ -9,6 +9,7 @@ use spf_core::time::Time;
 use spf_flight::keys::Pressed;
 use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
+use spf_oracle::limits::{Demand, limits};
 use spf_oracle::{Account, InstructionReading, Placed, ReadStep, UnknownWord, account, read_instruction};
 use spf_pilot::OperatorEvent;
 
@@ -101,7 +102,7 @@ pub fn lines(
     let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
     let reads = format!("reads: {}", steps.join("; then "));
     if !unused.is_empty() && !anyway {
-        let readings = whole_readings(&reading, &objects, from);
+        let readings = whole_readings(instruction, &reading, &objects, from);
         let error = unused_words(instruction, &unused, &reads, &readings, &reading, given);
         return Err(Unflown::Unused { error, readings });
     }
@@ -143,7 +144,7 @@ fn unused_words(
 
 /// Instructions that are near to a reading, and in which every word is used: its steps in plain words, with each of the objects that
 /// the last one may mean.
-fn whole_readings(reading: &InstructionReading, objects: &[Placed<'_>], from: Option<Pose>) -> Vec<String> {
+fn whole_readings(instruction: &str, reading: &InstructionReading, objects: &[Placed<'_>], from: Option<Pose>) -> Vec<String> {
     let names = |step: &ReadStep| -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         let meant = step.candidates.iter().filter_map(|id| objects.iter().find(|object| object.tags.id == *id));
@@ -157,15 +158,22 @@ fn whole_readings(reading: &InstructionReading, objects: &[Placed<'_>], from: Op
     let Some((last, before)) = reading.steps.split_last() else { return Vec::new() };
     let before: Option<Vec<String>> = before.iter().map(|step| Some(said(step.verb, names(step).first()?))).collect();
     let Some(before) = before else { return Vec::new() };
+    let demanded = limits(instruction).0.into_iter().filter(|limit| !matches!(limit.demand, Demand::Unmeasured(_)));
+    let kept: Vec<String> = demanded.map(|limit| limit.words).collect();
     let sentence = |name: &String| {
         let steps: Vec<String> = before.iter().cloned().chain([said(last.verb, name)]).collect();
-        steps.join(", then ")
+        let steps = steps.join(", then ");
+        // The limits of the instruction go with each reading.
+        kept.iter().fold(steps, |text, words| format!("{text}, {words}"))
     };
     let is_whole = |text: &String| {
         let again = read_instruction(text, objects, from);
         account(text, objects, from).unused.is_empty()
             && again.steps.len() == reading.steps.len()
-            && again.steps.iter().all(|step| !step.candidates.is_empty())
+            && again.steps.iter().zip(&reading.steps).all(|(again, step)| {
+                let is_same = |id: &u16| step.candidates.is_empty() || step.candidates.contains(id);
+                !again.candidates.is_empty() && again.candidates.iter().all(is_same)
+            })
     };
     names(last).iter().map(sentence).filter(is_whole).take(READINGS).collect()
 }

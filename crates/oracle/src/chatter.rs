@@ -6,8 +6,9 @@ use std::sync::LazyLock;
 use regex_lite::Regex;
 use serde::Deserialize;
 
-use crate::language::lex::{is_thing, is_verb, raw_tokens, singular};
+use crate::language::lex::{is_right, is_thing, is_verb, raw_tokens, singular};
 use crate::language::lexicon::ADJECTIVES;
+use crate::language::spelling;
 
 /// `account.toml`.
 #[derive(Debug, Deserialize)]
@@ -33,6 +34,12 @@ static RULES: LazyLock<Rules> = LazyLock::new(|| {
 /// Whether a word ties others together, and names nothing.
 pub(crate) fn is_function(token: &str) -> bool {
     RULES.function.contains(token)
+}
+
+/// Whether a word is a slip for one of those: "satnding". Short ones are too near to anything.
+pub(crate) fn is_slip_of_function(token: &str) -> bool {
+    let longest = RULES.function.iter().filter(|word| word.len() > 5);
+    token.len() > 5 && !is_right(token) && longest.into_iter().any(|word| spelling::distance(word, token) <= 2)
 }
 
 /// Takes out the phrases that ask for nothing; the rest, and the phrases in order. One that names something of the scene, a side or a rank

@@ -61,6 +61,9 @@ struct Row {
 #[serde(deny_unknown_fields)]
 struct Refused {
     why: String,
+    /// What stays in the place of the words; nothing if absent.
+    #[serde(default)]
+    keeps: String,
     patterns: Vec<String>,
 }
 
@@ -88,10 +91,10 @@ static RULES: LazyLock<Vec<Rule>> = LazyLock::new(|| {
         let demand = Box::new(move |found: &Captures<'_>| demanded(&limit, found));
         Rule { pattern: whole(pattern), keeps: row.keeps.clone(), demand }
     });
-    let refused = file.refused.iter().flat_map(|row| row.patterns.iter().map(move |pattern| (&row.why, pattern)));
-    let refused = refused.map(|(why, pattern)| {
-        let why: &'static str = String::leak(why.clone());
-        Rule { pattern: whole(pattern), keeps: String::new(), demand: Box::new(move |_| Some(Demand::Unmeasured(why))) }
+    let refused = file.refused.iter().flat_map(|row| row.patterns.iter().map(move |pattern| (row, pattern)));
+    let refused = refused.map(|(row, pattern)| {
+        let why: &'static str = String::leak(row.why.clone());
+        Rule { pattern: whole(pattern), keeps: row.keeps.clone(), demand: Box::new(move |_| Some(Demand::Unmeasured(why))) }
     });
     limits.chain(refused).collect()
 });
@@ -294,6 +297,7 @@ mod tests {
             ("go to the bus, keep to the left of the road", "side"),
             ("go to the sofa. Stay at least 1 meter away from anyone you meet", "distance to anything"),
             ("go to the bus, avoid the trees", "distance to anything"),
+            ("go to the desk and land on it", "on what it lands"),
             ("go near the pond but avoid the trees and fly to the bus", "distance to anything"),
         ] {
             let (found, rest) = limits(text);

@@ -1,6 +1,6 @@
 //! What was said before a flight: read as the oracle reads it, and asked about where some of its words are used for nothing.
 
-use std::io::{BufRead as _, IsTerminal as _};
+use std::io::{BufRead, IsTerminal as _};
 
 use spf_api::reading::{Given, Unflown, lines};
 use spf_core::geometry::Pose;
@@ -28,7 +28,9 @@ impl Said<'_> {
             Err(unflown) => unflown,
         };
         let chosen = match &unflown {
-            Unflown::Unused { error, readings } if self.can_ask(given) => choose(&error.to_string(), readings, self.printer),
+            Unflown::Unused { error, readings } if self.can_ask(given) => {
+                choose(&error.to_string(), readings, std::io::stdin().lock(), |line| self.printer.log(line))
+            }
             _ => None,
         };
         let Some(chosen) = chosen else { return Err(spf_api::Error::from(unflown).into()) };
@@ -44,18 +46,36 @@ impl Said<'_> {
 }
 
 /// Lets a person choose a reading by its number; `None` to fly nothing.
-fn choose(why: &str, readings: &[String], printer: &Printer) -> Option<String> {
+fn choose(why: &str, readings: &[String], mut typed: impl BufRead, mut say: impl FnMut(&str)) -> Option<String> {
     if readings.is_empty() {
         return None;
     }
-    printer.log(why);
+    say(why);
     for (number, reading) in (1..).zip(readings) {
-        printer.log(&format!("  {number}  {}", one_line(reading)));
+        say(&format!("  {number}  {}", one_line(reading)));
     }
-    printer.log("Type a number to fly that instead, or Enter to end:");
+    say("Type a number to fly that instead, or Enter to end:");
     let mut line = String::new();
     // A closed terminal chooses nothing.
-    std::io::stdin().lock().read_line(&mut line).ok()?;
+    typed.read_line(&mut line).ok()?;
     let number: usize = line.trim().parse().ok()?;
     readings.get(number.checked_sub(1)?).cloned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_is_chosen_by_its_number_and_by_nothing_else() {
+        let readings = ["fly to the red church", "fly to the bus"].map(str::to_owned);
+        let mut said = Vec::new();
+        let mut chosen = |typed: &str| choose("why", &readings, typed.as_bytes(), |line| said.push(line.to_owned()));
+        assert_eq!(chosen(" 2 \n").as_deref(), Some("fly to the bus"));
+        for typed in ["", "\n", "0\n", "3\n", "-1\n", "yes\n", "fly to the red church\n"] {
+            assert_eq!(chosen(typed), None, "{typed:?}");
+        }
+        assert!(said.contains(&"  1  fly to the red church".to_owned()));
+        assert_eq!(choose("why", &[], "1\n".as_bytes(), |_| panic!("nothing to choose from")), None);
+    }
 }
