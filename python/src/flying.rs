@@ -40,6 +40,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// avoid: obstacle mode. None: on if the VLM lists obstacles, which a function is not expected to do.
 /// depth_sensor: whether the craft measures the depth of what it sees. preset: default or paper.
 /// max_time_s, max_decisions, max_queries, max_cost_usd: limits; None: the program's.
+/// anyway: fly although words of the instruction are used for nothing, or demand what nothing on board measures.
 /// video: whether to write a video, which takes longer than the flight. out: the folder for the flight's files, new or empty; by default
 /// flights/NNN-… in the working directory.
 ///
@@ -49,7 +50,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 #[pyo3(signature = (
     instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", unattended = false, flags = None, on_decision = None, avoid = None,
     depth_sensor = false, preset = "default", max_time_s = None, max_decisions = None, max_queries = None, max_cost_usd = None,
-    vlm_latency_s = None, video = false, out = None
+    vlm_latency_s = None, anyway = false, video = false, out = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn fly(
@@ -73,10 +74,11 @@ pub(crate) fn fly(
     max_queries: Option<u32>,
     max_cost_usd: Option<f64>,
     vlm_latency_s: Option<f64>,
+    anyway: bool,
     video: bool,
     out: Option<PathBuf>,
 ) -> PyResult<Flight> {
-    let flags = flags.unwrap_or_default();
+    let mut flags = flags.unwrap_or_default();
     if drone != "sim" {
         let is_simulators = craft.is_some() || start.is_some() || depth_sensor;
         let is_callers = policy.is_some() || on_decision.is_some() || vlm.as_ref().is_some_and(|vlm| vlm.is_callable());
@@ -100,6 +102,7 @@ pub(crate) fn fly(
         options.set_item("preset", preset)?;
         options.set_item("video", video)?;
         options.set_item("unattended", unattended)?;
+        flags.extend(anyway.then(|| "--anyway".to_owned()));
         options.set_item("flags", flags)?;
         options.set_item("max_time_s", max_time_s)?;
         options.set_item("max_decisions", max_decisions)?;
@@ -129,6 +132,7 @@ pub(crate) fn fly(
     request.choices.max_decisions = max_decisions;
     request.choices.max_queries = max_queries;
     request.max_cost_usd = max_cost_usd;
+    request.anyway = anyway;
     request.video = video;
     request.out = out;
     request.watched = on_decision.is_some();

@@ -123,6 +123,9 @@ def test_errors_have_the_programs_words_and_a_hint() -> None:
         assert not Path("refused").exists()
     with pytest.raises(spf.UsageError, match="unknown word `qwertzuiop`"):
         spf.fly("qwertzuiop")
+    with pytest.raises(spf.UsageError, match='no use for "from above"'):
+        spf.fly("fly to the taxi from above")
+    assert spf.fly("fly to the taxi from above", anyway=True, max_time_s=5).summary["not_read"] == ["from above"]
 
 
 def test_other_threads_run_while_flying() -> None:

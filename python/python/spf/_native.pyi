@@ -201,6 +201,7 @@ def fly(
     max_queries: int | None = None,
     max_cost_usd: float | None = None,
     vlm_latency_s: float | None = None,
+    anyway: bool = False,
     video: bool = False,
     out: str | PathLike[str] | None = None,
 ) -> Flight: ...

@@ -159,7 +159,7 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
         entry(svg, "commanded waypoint", &|svg, x| map::waypoint_sign(svg, x, y));
     }
     if input.target.is_some() {
-        entry(svg, "target's middle", &|svg, x| map::target_sign(svg, x, y));
+        entry(svg, "target's nearest surface", &|svg, x| map::target_sign(svg, x, y));
     }
     if !input.marked.is_empty() {
         entry(svg, "keep away", &|svg, x| map::marked_sign(svg, [x - 11.0, y], [x + 11.0, y], ""));
