@@ -59,7 +59,7 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
         !taken_back[at]
             && !tokens.is_empty()
             && (manner[at]
-                || tokens.iter().any(|token| whole.is_motion(token))
+                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token))
                 || (tokens.iter().any(|token| is_part(token, &words, at) || reader.has_content(&reader.correct(token)))
                     && !reader.uses(&tokens, &words, at, &whole)))
     };
@@ -130,6 +130,14 @@ impl Read<'_> {
             });
         }
         right.unwrap_or_else(|| token.to_owned())
+    }
+
+    /// Whether the word is what keeps a name of the scene from meaning anything: "behind" in "the church behind", read as one name.
+    fn hides(&self, token: &str) -> bool {
+        let plain = singular(token);
+        let absent = self.parse.clauses.iter().zip(&self.targets).filter(|(_, targets)| targets.is_empty());
+        let is_noun = absent.into_iter().any(|(clause, _)| clause.target.nouns.contains(&plain));
+        is_noun && !self.named.is_empty() && !self.named.contains(&plain) && !is_thing(&plain)
     }
 
     /// Whether the word describes what is nowhere in the scene, so that it is searched for.
@@ -467,6 +475,7 @@ mod tests {
     fn a_part_that_changes_nothing_is_named() {
         for (instruction, part) in [
             ("fly to the roof of the church", "to the roof"),
+            ("I'd like to see the church behind you", "behind"),
             ("show me the pond from above", "from above"),
             ("follow the road to the bus", "to the bus"),
             ("fly to the top of the red crane", "to the top"),
