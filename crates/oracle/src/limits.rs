@@ -67,10 +67,13 @@ struct Refused {
     patterns: Vec<String>,
 }
 
+/// What found words demand; `None` if a number in them is none.
+type Demanded = dyn Fn(&Captures<'_>) -> Option<Demand> + Send + Sync;
+
 struct Rule {
     pattern: Regex,
     keeps: String,
-    demand: Box<dyn Fn(&Captures<'_>) -> Option<Demand> + Send + Sync>,
+    demand: Box<Demanded>,
 }
 
 static RULES: LazyLock<Vec<Rule>> = LazyLock::new(|| {

@@ -33,7 +33,7 @@ impl Said<'_> {
             }
             _ => None,
         };
-        let Some(chosen) = chosen else { return Err(spf_api::Error::from(unflown).into()) };
+        let Some(chosen) = chosen else { return Err(unflown.into()) };
         let lines = lines(&chosen, loaded, start, given, false).map_err(spf_api::Error::from)?;
         Ok((lines, Some(chosen)))
     }
