@@ -67,9 +67,9 @@ pub(crate) fn refuse_in_flight(instruction: &str) -> Result<(), Error> {
 fn kept(demand: Demand, from: Beginning<'_>, envelope: &mut Limits, method: &mut PilotSettings) -> Result<String, String> {
     Ok(match demand {
         Demand::Height(most) => {
-            let least = from.height.unwrap_or(envelope.min_altitude) + envelope.margin;
+            let least = from.height.unwrap_or(0.0) + from.craft.take_off_height + envelope.margin;
             if most < least {
-                return Err(format!("the flight begins so high that at least {least:.1} m must be permitted"));
+                return Err(format!("the craft takes off to such a height that at least {least:.1} m must be permitted"));
             }
             envelope.max_altitude = envelope.max_altitude.min(most);
             format!("at most {:.1} m high", envelope.max_altitude)
@@ -102,4 +102,45 @@ fn slower(most: f64, envelope: &mut Limits) -> String {
     envelope.max_speed = envelope.max_speed.min(most.max(SLOWEST));
     envelope.max_climb = envelope.max_climb.min(envelope.max_speed);
     format!("at most {:.1} m/s", envelope.max_speed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tightened(instruction: &str, anyway: bool) -> (Result<Vec<String>, Error>, Limits, PilotSettings) {
+        let craft = Craft::quad();
+        let (mut limits, mut method) = (Limits::for_craft(&craft), PilotSettings::preset(spf_pilot::Preset::Default));
+        let lines = tighten(instruction, anyway, Beginning { craft: &craft, height: Some(0.0) }, &mut limits, &mut method);
+        (lines, limits, method)
+    }
+
+    #[test]
+    fn words_only_tighten() {
+        let usual = Limits::for_craft(&Craft::quad());
+        let (lines, limits, method) = tightened("go slowly to the bus, not higher than 9 m, keep 5 m away, within 50 s", false);
+        assert_eq!(lines.unwrap().len(), 4);
+        assert_eq!((limits.max_altitude, limits.max_speed, method.stand_off_m), (9.0, 1.5, Some(5.0)));
+        assert_eq!(method.max_time, Duration::from_secs(50));
+        let (lines, limits, _) =
+            tightened("go to the bus, not higher than 5000 m, at most 90 m/s, not farther than 99999 m", false);
+        assert_eq!(lines.unwrap().len(), 3);
+        assert_eq!((limits.max_altitude, limits.max_distance), (usual.max_altitude, usual.max_distance));
+        assert!(limits.max_speed <= usual.max_speed);
+    }
+
+    #[test]
+    fn what_cannot_be_kept_is_refused_and_flown_without_only_when_told() {
+        for (text, why) in [
+            ("go to the bus, never fly over people", "what is below it"),
+            ("go to the bus, below 3 m", "takes off to such a height"),
+            ("go to the bus without hitting anything", "obstacle mode is off"),
+        ] {
+            let refused = tightened(text, false).0.unwrap_err().to_string();
+            assert!(refused.contains(why), "{text}: {refused}");
+            let flown = tightened(text, true).0.unwrap();
+            assert!(flown[0].starts_with("not heeded: ") && flown[0].contains(why), "{text}: {flown:?}");
+        }
+        assert!(refuse_in_flight("go slowly to the bus").is_err() && refuse_in_flight("go to the bus").is_ok());
+    }
 }

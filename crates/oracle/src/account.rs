@@ -59,7 +59,7 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
         !taken_back[at]
             && !tokens.is_empty()
             && (manner[at]
-                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token))
+                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token) || is_side_of(token, &words, at))
                 || (tokens.iter().any(|token| is_part(token, &words, at) || reader.has_content(&reader.correct(token)))
                     && !reader.uses(&tokens, &words, at, &whole)))
     };
@@ -306,6 +306,19 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// Whether the word asks for a side of its object: "the other side of the canal", but not "the house on the far side of the church",
+/// which is a relation.
+fn is_side_of(token: &str, words: &[&str], at: usize) -> bool {
+    if !matches!(token, "side" | "back" | "rear") || words.get(at + 1) != Some(&"of") {
+        return false;
+    }
+    let told = |word: &&&str| raw_tokens(word).iter().any(|token| !is_function(token) && !SIDES.contains(&token.as_str()));
+    words[..at].iter().rev().find(told).is_none_or(|word| raw_tokens(word).iter().all(|token| is_verb(token)))
+}
+
+/// Words before "side".
+const SIDES: [&str; 6] = ["far", "opposite", "near", "back", "rear", "other"];
+
 /// Whether the word names a part: the end of the pier. "End" is also a verb.
 fn is_part(token: &str, words: &[&str], at: usize) -> bool {
     NOUNS.parts.contains(token) && !is_function(token) && words.get(at + 1) == Some(&"of")
@@ -476,6 +489,8 @@ mod tests {
         for (instruction, part) in [
             ("fly to the roof of the church", "to the roof"),
             ("I'd like to see the church behind you", "behind"),
+            ("fly to the other side of the pond", "side"),
+            ("go to the back of the church", "to the back"),
             ("show me the pond from above", "from above"),
             ("follow the road to the bus", "to the bus"),
             ("fly to the top of the red crane", "to the top"),
