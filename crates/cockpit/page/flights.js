@@ -179,17 +179,16 @@ function ask(flight) {
 let told = "";
 
 async function steps(flight, film) {
-  const answer = await fetch(file(flight.name, "decisions.jsonl"));
-  const text = answer.ok ? await answer.text() : "";
-  const rows = text.split("\n").filter(Boolean).map((line) => JSON.parse(line));
+  const [rows, queries] = await Promise.all(["decisions.jsonl", "queries.jsonl"].map((name) => lines(flight, name)));
+  const prompts = new Map(queries.map((query) => [query.id, query.prompt]));
   const buttons = rows.map((row) => {
     const button = element("button", "", { type: "button" });
-    button.append(element("b", `${row.number}. `), element("time", `${clock(seconds(row.answered))} `), said(row));
+    button.append(element("b", `${row.number}. `), element("time", `${clock(row.answered_s)} `), said(row));
     button.onclick = () => {
       // Its caption is in the next image of the film, of ten a second.
-      if (flight.film) film.currentTime = seconds(row.answered) + 0.15;
+      if (flight.film) film.currentTime = row.answered_s + 0.15;
       mark(row);
-      detail(row);
+      detail(row, prompts.get(row.query?.id));
     };
     return button;
   });
@@ -201,14 +200,16 @@ async function steps(flight, film) {
   const mark = (row) => buttons.forEach((button, i) => button.setAttribute("aria-current", String(rows[i] === row)));
   // The film runs in flight time.
   film.ontimeupdate = () => {
-    const now = rows.findLast((row) => seconds(row.answered) <= film.currentTime + 0.05);
+    const now = rows.findLast((row) => row.answered_s <= film.currentTime + 0.05);
     mark(now);
   };
 }
 
-/** Flight times are written in nanoseconds. */
-function seconds(time) {
-  return time / 1e9;
+/** The rows of a file of JSON lines; none if there is no such file. */
+async function lines(flight, name) {
+  const answer = await fetch(file(flight.name, name));
+  const text = answer.ok ? await answer.text() : "";
+  return text.split("\n").filter(Boolean).map((line) => JSON.parse(line));
 }
 
 function said(row) {
@@ -220,8 +221,8 @@ function said(row) {
   return `${reply.target ?? "target"} at (${point.u.toFixed(2)}, ${point.v.toFixed(2)}), depth label ${reply.depth ?? "–"}`;
 }
 
-function detail(row) {
-  const parts = [["Reply", row.reply], ["Prompt", row.query?.prompt ?? row.prompt]];
+function detail(row, prompt) {
+  const parts = [["Reply", row.reply], ["Prompt", prompt]];
   const shown = parts.filter(([, text]) => text).flatMap(([name, text]) => [element("h2", name), element("pre", text, { tabindex: "0" })]);
   byId("detail").replaceChildren(element("p", `Decision ${row.number}: answered after ${row.latency_s?.toFixed(2)} s, its frame was ${row.frame_age_s?.toFixed(2)} s old.`), ...shown);
   byId("detail").hidden = false;
