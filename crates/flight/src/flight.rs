@@ -11,6 +11,7 @@ use spf_core::time::Duration;
 use spf_drone::Drone;
 use spf_envelope::Limits;
 use spf_motion::executor::Motion;
+use spf_oracle::limits::NEAR_STAND_OFF;
 use spf_pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_vlm::Vlm;
 
@@ -177,9 +178,6 @@ pub enum FlightError {
     #[error("cannot start a thread beside the flight")]
     Thread(#[source] std::io::Error),
 }
-
-/// Where the instruction demands a distance from the target, within this part of it the target is near.
-const NEAR_STAND_OFF: f64 = 1.6;
 
 /// Flies a plan to its end.
 ///

@@ -407,11 +407,11 @@ fn spans(words: &[&str], length: impl Fn(&[String], usize) -> usize) -> Vec<bool
 /// Maximum number of words considered: each costs a parse.
 const MOST_WORDS: usize = 60;
 
-/// Adjacent unread words together, with the small words before and between them.
-fn parts(words: &[&str], unread: &[bool]) -> Vec<String> {
+/// Adjacent unused words together, with the small words before and between them.
+fn parts(words: &[&str], unused: &[bool]) -> Vec<String> {
     let mut parts: Vec<String> = Vec::new();
     let mut last = None;
-    for at in (0..words.len()).filter(|at| unread[*at]) {
+    for at in (0..words.len()).filter(|at| unused[*at]) {
         let begin = before(words, at);
         let text = |from: usize| words[from..=at].join(" ");
         match (last, parts.last_mut()) {
@@ -430,7 +430,7 @@ fn before(words: &[&str], at: usize) -> usize {
     (0..at).rev().take_while(small).last().unwrap_or(at)
 }
 
-/// Words that are quoted together with the unread word after them.
+/// Words that are quoted together with the unused word after them.
 const SMALL: [&str; 16] =
     ["a", "an", "the", "in", "on", "at", "of", "from", "to", "with", "by", "for", "its", "their", "into", "onto"];
 

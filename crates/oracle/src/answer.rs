@@ -13,7 +13,7 @@ use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
 use super::language::resolve::meant;
-use super::limits::stand_off;
+use super::limits::{NEAR_STAND_OFF, stand_off};
 use super::percept::{Percept, logistic};
 use super::sight::{PerceivedObject, slopes};
 use super::signs;
@@ -38,9 +38,6 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Question { text } => kinds::question(text, &query.detections),
     }
 }
-
-/// Where the instruction keeps a distance from its target, within this part of it the target is near.
-const NEAR_STAND_OFF: f64 = 1.6;
 
 /// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {

@@ -10,7 +10,7 @@ use crate::language::lex::{is_right, is_thing, is_verb, raw_tokens, singular};
 use crate::language::lexicon::ADJECTIVES;
 use crate::language::spelling;
 
-/// `account.toml`.
+/// `chatter.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -24,7 +24,7 @@ struct Rules {
 }
 
 static RULES: LazyLock<Rules> = LazyLock::new(|| {
-    let file: File = toml::from_str(include_str!("account.toml")).expect("the embedded lists are valid; a test reads them");
+    let file: File = toml::from_str(include_str!("chatter.toml")).expect("the embedded lists are valid; a test reads them");
     let begin = |pattern: &String| {
         Regex::new(&format!(r"(?i)^(?:{pattern})(?:\b|$)")).expect("the embedded patterns are valid; a test reads them")
     };

@@ -138,6 +138,9 @@ pub fn limits(instruction: &str) -> (Vec<LimitWords>, String) {
     (found, rest)
 }
 
+/// Where an instruction keeps a distance from its target, within this multiple of it the target is near.
+pub const NEAR_STAND_OFF: f64 = 1.6;
+
 /// The distance that an instruction keeps from its target, metres; `None` if it demands none.
 #[must_use]
 pub fn stand_off(instruction: &str) -> Option<f64> {
