@@ -34,11 +34,10 @@ export class Alarms {
     if (!is) this.on.delete(name);
     else {
       this.on.add(name);
-      const now = performance.now();
-      if (now - (this.called.get(name) ?? -Infinity) > AGAIN) {
-        this.call();
-        this.called.set(name, now);
-      }
+      // What comes back too soon calls when that time is over, if it is still wrong then.
+      const left = (this.called.get(name) ?? -Infinity) + AGAIN - performance.now();
+      if (left <= 0) this.call(name);
+      else setTimeout(() => this.on.has(name) && this.called.get(name) + AGAIN <= performance.now() && this.call(name), left + 1);
     }
     this.show();
   }
@@ -54,7 +53,8 @@ export class Alarms {
     if (document.title !== title) document.title = title;
   }
 
-  call() {
+  call(name) {
+    this.called.set(name, performance.now());
     if (navigator.userActivation?.hasBeenActive) navigator.vibrate?.([200, 100, 200, 100, 200]);
     if (this.sound?.state !== "running") return;
     for (const after of BEEPS) {

@@ -23,6 +23,8 @@ use crate::watch::{Newest, Orders, Seen, Watch};
 
 /// The hover at the end of an instruction lasts a minute: before it is over, it becomes a hold if somebody has called.
 const HOVERS: Duration = Duration::from_secs(50);
+/// A craft that is down is the next flight's once the files of the last one are written: a long film takes seconds.
+const CLOSES: Duration = Duration::from_secs(60);
 /// How often the deck looks at the time.
 const TICK: Duration = Duration::from_millis(100);
 /// Calls per second that are carried out in the long run, and at once.
@@ -258,11 +260,13 @@ impl Deck {
     /// # Errors
     /// Why it is refused.
     pub fn fly(self: &Arc<Self>, wanted: Wanted) -> Result<(Flight, u32, String), String> {
-        let (scene, stops) = {
+        let stops = self.inner().stops;
+        self.wait_for_files();
+        let scene = {
             let mut inner = self.inner();
             let flight = self.may_fly(&mut inner, &wanted)?;
             // What there is, is in the scene where it flies.
-            (flight.map_or_else(|| wanted.scene.clone(), |flight| flight.scene), inner.stops)
+            flight.map_or_else(|| wanted.scene.clone(), |flight| flight.scene)
         };
         // It may ask a model: a stop does not wait for that.
         let read = self.hangar.read(&Wanted { scene, ..wanted.clone() })?;
@@ -283,6 +287,15 @@ impl Deck {
         match flight.orders.give([OperatorEvent::Instruction(instruction.clone()), OperatorEvent::Resume]) {
             true => Ok((flight, number, read)),
             false => Err("the flight is over".to_owned()),
+        }
+    }
+
+    /// Waits while a flight that has ended is still writing its files.
+    fn wait_for_files(&self) {
+        let until = Instant::now() + CLOSES;
+        let closes = |flight: &Flight| !flight.is_over() && flight.phase() == Some(Phase::Ended);
+        while self.flight().is_some_and(|flight| closes(&flight)) && Instant::now() < until {
+            std::thread::sleep(TICK);
         }
     }
 

@@ -25,8 +25,9 @@ struct Simulator {
     /// The channel of the last flight, as a cockpit has it.
     cockpit: Mutex<Option<Sender<OperatorEvent>>>,
     begun: AtomicU32,
-    /// How long an instruction is read.
+    /// How long an instruction is read, and how long the files of a flight are written.
     reads: Duration,
+    writes: Duration,
 }
 
 impl Hangar for Simulator {
@@ -62,26 +63,35 @@ impl Hangar for Simulator {
         let mut plan = FlightPlan::new(Site::Simulated(site), wanted.words(), "oracle", points);
         plan.settings.at_end = AtEnd::Hover;
         plan.operator = Some(operator);
-        fly(plan, &mut [&mut watch]).map_err(|error| error.to_string())
+        let flown = fly(plan, &mut [&mut watch]).map_err(|error| error.to_string());
+        std::thread::sleep(self.writes);
+        flown
+    }
+}
+
+impl Simulator {
+    fn new(scene: LoadedScene) -> Self {
+        let (reads, writes) = (Duration::ZERO, Duration::ZERO);
+        Self { real: false, scene: Arc::new(scene), cockpit: Mutex::default(), begun: AtomicU32::new(0), reads, writes }
+    }
+
+    fn office() -> Self {
+        Self::new(LoadedScene::load("office").unwrap())
     }
 }
 
 /// A deck in a scene.
 pub(crate) fn deck_in(scene: LoadedScene) -> Arc<Deck> {
-    let hangar = Simulator {
-        real: false,
-        scene: Arc::new(scene),
-        cockpit: Mutex::default(),
-        begun: AtomicU32::new(0),
-        reads: Duration::ZERO,
-    };
-    Deck::new(Arc::new(hangar), Patience::default()).unwrap()
+    deck_with(Simulator::new(scene), Patience::default()).0
+}
+
+fn deck_with(simulator: Simulator, patience: Patience) -> (Arc<Deck>, Arc<Simulator>) {
+    let hangar = Arc::new(simulator);
+    (Deck::new(hangar.clone(), patience).unwrap(), hangar)
 }
 
 fn deck_of(real: bool, patience: Patience) -> (Arc<Deck>, Arc<Simulator>) {
-    let scene = Arc::new(LoadedScene::load("office").unwrap());
-    let hangar = Arc::new(Simulator { real, scene, cockpit: Mutex::default(), begun: AtomicU32::new(0), reads: Duration::ZERO });
-    (Deck::new(hangar.clone(), patience).unwrap(), hangar)
+    deck_with(Simulator { real, ..Simulator::office() }, patience)
 }
 
 fn deck() -> Arc<Deck> {
@@ -121,7 +131,7 @@ fn instruction(text: &str) -> Wanted {
 /// Flights in real time, which wait most of the time: all at once.
 #[test]
 fn the_craft_obeys_and_nobody_is_left_in_the_air() {
-    let scenarios: [(&str, fn()); 8] = [
+    let scenarios: [(&str, fn()); 9] = [
         ("a step", a_step_towards_a_point_is_flown_and_held),
         ("a stop", a_stop_works_in_every_state_and_no_call_takes_it_back),
         ("a lost client", a_cancelled_call_holds_and_a_lost_client_lands),
@@ -129,6 +139,7 @@ fn the_craft_obeys_and_nobody_is_left_in_the_air() {
         ("consent", a_real_drone_moves_with_consent_alone_for_one_flight),
         ("a slow model", a_stop_waits_for_no_model),
         ("a lost page", no_lost_page_and_no_earlier_order_takes_a_stop_back),
+        ("files", a_craft_that_is_down_takes_off_once_its_files_are_written),
         ("time over", a_consent_whose_time_is_over_ends_its_flight),
     ];
     let threads = scenarios.map(|(name, scenario)| std::thread::Builder::new().name(name.to_owned()).spawn(scenario).unwrap());
@@ -245,11 +256,19 @@ fn a_real_drone_moves_with_consent_alone_for_one_flight() {
     assert!(refused(instruction("fly to the door")).contains("armed"), "one flight");
 }
 
+fn a_craft_that_is_down_takes_off_once_its_files_are_written() {
+    let simulator = Simulator { writes: Duration::from_secs(3), ..Simulator::office() };
+    let (deck, _) = deck_with(simulator, Patience::default());
+    let first = take_off(&deck);
+    deck.land().unwrap();
+    until("it is down", || Status::of(&deck).state == State::OnGround);
+    assert!(!first.is_over(), "its files are being written");
+    assert_ne!(take_off(&deck).number, first.number);
+}
+
 fn a_stop_waits_for_no_model() {
-    let scene = Arc::new(LoadedScene::load("office").unwrap());
-    let reads = Duration::from_secs(3);
-    let hangar = Arc::new(Simulator { real: false, scene, cockpit: Mutex::default(), begun: AtomicU32::new(0), reads });
-    let deck = Deck::new(hangar.clone(), Patience::default()).unwrap();
+    let simulator = Simulator { reads: Duration::from_secs(3), ..Simulator::office() };
+    let (deck, hangar) = deck_with(simulator, Patience::default());
     let asking = deck.clone();
     let flown = std::thread::spawn(move || asking.fly(instruction("fly to the door")).map(drop));
     std::thread::sleep(Duration::from_millis(300));
