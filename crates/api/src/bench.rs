@@ -9,7 +9,7 @@ use std::thread::Builder;
 
 use spf_bench::run::{Plan, Progress, RunOptions, Shard, StoreError, read_records, run};
 use spf_bench::task::{SUITES, Task, TaskError, shipped, suite};
-use spf_bench::trial::{Method, Record, VlmUnderTest, split_latency};
+use spf_bench::trial::{Method, Networks, Record, VlmUnderTest, split_latency};
 use spf_core::time::Duration;
 use spf_vlm::service::{RunEnd, Service, WallClock};
 
@@ -191,7 +191,7 @@ pub fn start(request: &BenchRequest) -> Result<Benching, Error> {
     let names: Vec<&str> = pointers.iter().map(|pointer| pointer.name.as_str()).collect();
     let latency = request.caller.as_ref().map_or(String::new(), |caller| format!("@{}", caller.latency_s));
     let shown = names.join(",") + &latency;
-    let plan = Plan { tasks, methods, pointers, trials, seed, max_cost_usd: None };
+    let plan = Plan { tasks, methods, pointers, trials, seed, max_cost_usd: None, networks: Networks::default() };
     let head = plan.head(Shard::WHOLE, &shown);
     let jobs = request.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let options = RunOptions { jobs, videos: false, command: request.in_words(), files, asked: None };

@@ -12,8 +12,6 @@ use spf_pilot::{AtEnd, Counted, PilotSettings, Preset, QueryTiming};
 
 use crate::error::Error;
 
-/// Age at which the brake no longer takes a network's depth for what is there, seconds.
-const NETWORK_AGE_S: f64 = 1.5;
 /// Flight time: enough for twenty answers of a model that takes 10 s for each, while the craft holds.
 const FLIGHT_TIME: Duration = Duration::from_secs(300);
 /// Answers in a row without progress: more than a search needs between two places, of two circles with looks up and down.
@@ -210,8 +208,7 @@ pub fn brake(choices: &Choices, method: &PilotSettings, facts: &Facts) -> Option
     }
     Some(match sensed {
         Sensed { depth_sensor: true, .. } => BrakeLimits::with_sensor(),
-        // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
-        Sensed { depth_network: true, .. } => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
+        Sensed { depth_network: true, .. } => BrakeLimits::with_network(),
         Sensed { .. } => BrakeLimits::without_sensor(),
     })
 }

@@ -19,7 +19,7 @@ use clap::Parser;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
-use crate::args::{Cli, Command, Config, Vlm, refused};
+use crate::args::{Cli, Command, Config, Model, Vlm, refused};
 use crate::background::LogWriter;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -96,6 +96,8 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Vlm(Vlm::List(args)) => commands::vlm::list(args, &printer),
         Command::Vlm(Vlm::Check(args)) => commands::vlm::check(args, &printer),
         Command::Vlm(Vlm::Trial(args)) => commands::vlm::trial(args, &mut printer),
+        Command::Model(Model::List(args)) => commands::model::list(args, &printer),
+        Command::Model(Model::Get(args)) => commands::model::get(args, &printer),
         Command::Bench(command) => commands::bench::bench(command, &mut printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
         Command::Completions(args) => commands::shell::completions(args, &printer),

@@ -18,8 +18,8 @@ use crate::process::Place;
 use crate::trial;
 
 /// Mean and standard deviation of red, green and blue in ImageNet, by which the inputs of these networks are normalised.
-const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+pub(crate) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+pub(crate) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 /// Width and height of the input of a network that takes any: multiples of 14, the patches of a vision transformer.
 const SIZE: (usize, usize) = (252, 196);
 /// Smallest side of an input, pixels.

@@ -26,6 +26,7 @@ mod network;
 mod network;
 mod output_kind;
 mod process;
+pub mod published;
 mod trial;
 pub mod triangulation;
 pub mod windows;

@@ -29,6 +29,13 @@ impl BrakeLimits {
         Self { blind_speed: None, ..Self::with_sensor() }
     }
 
+    /// For a craft whose depth a network estimates: it comes seldom and late, and a craft whose network has no scale flies on as one
+    /// without.
+    #[must_use]
+    pub fn with_network() -> Self {
+        Self { max_depth_age: 1.5, ..Self::without_sensor() }
+    }
+
     /// The strictest reading of values that are negative or not numbers.
     pub(super) fn made_strict(self) -> Self {
         let strict = |value: f64, worst: f64| if value >= 0.0 { value } else { worst };

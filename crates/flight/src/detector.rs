@@ -12,6 +12,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::prompt::PromptText;
 use spf_core::query::{DepthAs, Query, QueryKind};
 use spf_core::reply::{MAX_BOXES, Reply, parse_reply};
+use spf_core::time::Duration;
 use spf_detect::Detector;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
@@ -99,31 +100,38 @@ fn with_boxes(text: String, found: &[Detection], camera: &Camera, grounding: &Gr
     Reply { boxes, ..reply }.to_json_as(grounding, true, depth)
 }
 
-/// A detection model as a [`Vlm`]. Its latency is the measured inference time.
-struct DetectorVlm(Detector);
+/// A detection model as a [`Vlm`].
+struct DetectorVlm {
+    model: Detector,
+    /// Its latency; `None`: the measured inference time.
+    latency: Option<Duration>,
+}
 
 impl Vlm for DetectorVlm {
     fn name(&self) -> &str {
-        self.0.name()
+        self.model.name()
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // In the simulator this renders the frame; a camera's frame is available immediately.
         let pixels = image.frame();
         let began = Instant::now();
-        let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
+        let detect = |pixels| self.model.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
         let text = match request.query.kind {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
-            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
+            _ => {
+                Err(VlmError::Refused { model: self.model.name().to_owned(), reason: "lists the objects in an image".to_owned() })
+            }
         };
-        Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Usage::default() }
+        let latency = self.latency.unwrap_or_else(|| began.elapsed());
+        Answer { text, latency, model: self.model.name().to_owned(), account: Usage::default() }
     }
 }
 
-/// A detection model as a [`DetectorPlan::factory`]; all flights share its network.
+/// A detection model as a [`DetectorPlan::factory`]; all flights share its network. Its latency is this, or the measured inference time.
 #[must_use]
-pub fn model_detects(detector: Detector) -> VlmFactory {
-    Arc::new(move |_, _| Ok(Box::new(DetectorVlm(detector.clone()))))
+pub fn model_detects(model: Detector, latency: Option<Duration>) -> VlmFactory {
+    Arc::new(move |_, _| Ok(Box::new(DetectorVlm { model: model.clone(), latency })))
 }
 
 #[cfg(test)]
@@ -132,7 +140,6 @@ mod tests {
     use spf_core::prompt::PromptKind;
     use spf_core::query::{ImagePoint, QueryId};
     use spf_core::reply::Status;
-    use spf_core::time::Duration;
 
     use super::*;
 

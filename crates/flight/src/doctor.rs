@@ -3,12 +3,15 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use spf_core::camera::Camera;
+use spf_core::detection::Detection;
 use spf_core::frame::FrameId;
+use spf_core::query::Mark;
 use spf_core::time::Duration as FlightDuration;
 use spf_core::time::Time;
 use spf_detect::{DepthNetwork, Detector};
 pub use spf_drone::examine::{Check, Finding};
-use spf_media::Rgb;
+use spf_media::{Rgb, marks};
 use spf_render::Channels;
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::{Vlm, VlmError};
@@ -75,32 +78,45 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration, advice: impl Fn(
     }
 }
 
-/// Runs a detector on a grey image of a camera's size.
+/// Runs an object detector on a view of a scene, above its start. Returns also the picture with its boxes.
 #[must_use]
-pub fn detector(model: &Detector) -> Check {
+pub fn detector(model: &Detector, loaded: &LoadedScene) -> (Check, Option<Rgb>) {
+    let (_, mut image) = view(loaded);
     let began = Instant::now();
-    let seen = model.detect(&Rgb::filled(960, 720, [128; 3]));
+    let seen = model.detect(&image);
     let took = began.elapsed();
     let (width, height) = model.input();
-    let found = format!("{} has {} classes, {width}×{height} pixels", model.name(), model.classes().len());
+    let about = format!("{} has {} classes, {width}×{height} pixels", model.name(), model.classes().len());
     match seen {
-        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("use another model: docs/guide/detector.md")),
-        Ok(_) => {
+        Err(error) => {
+            let advice = "use another model: docs/guide/detector.md";
+            (Check::new("detector", Finding::Bad, format!("{about}: {error}"), Some(advice)), None)
+        }
+        Ok(seen) => {
             let finding = if took > SLOW_DETECTOR { Finding::Warning } else { Finding::Good };
             let advice = "this delays every decision: use a smaller model or input size";
-            Check::new("detector", finding, format!("{found}, {:.2} s per image", took.as_secs_f64()), Some(advice))
+            let found = format!("{about}, {:.2} s per image, {} objects", took.as_secs_f64(), seen.len());
+            let mark = |found: Detection| Mark::Box { area: found.area, label: format!("{} {:.2}", found.name, found.score) };
+            marks::draw(&mut image, &seen.into_iter().map(mark).collect::<Vec<_>>());
+            (Check::new("detector", finding, found, Some(advice)), Some(image))
         }
     }
 }
 
-/// Runs a depth network on a view of a scene, above its start. Returns also a picture of what it sees.
-#[must_use]
-pub fn depth_network(network: &DepthNetwork, loaded: &LoadedScene) -> (Check, Option<Rgb>) {
+/// What is seen from above the start of a scene, and by which camera.
+fn view(loaded: &LoadedScene) -> (Camera, Rgb) {
     let mut pose = loaded.scene.start;
     pose.position.up += EYE_HEIGHT;
     let camera = loaded.scene.default_craft.camera();
     let drawn = loaded.render(&camera, &loaded.initial_snapshot(pose), Channels::RGB);
     let image = Rgb::from_raw(drawn.width, drawn.height, drawn.rgb.unwrap_or_default()).unwrap_or_else(|_| Rgb::new(1, 1));
+    (camera, image)
+}
+
+/// Runs a depth network on a view of a scene, above its start. Returns also a picture of what it sees.
+#[must_use]
+pub fn depth_network(network: &DepthNetwork, loaded: &LoadedScene) -> (Check, Option<Rgb>) {
+    let (camera, image) = view(loaded);
     let began = Instant::now();
     let mut seen = network.estimate((FrameId(0), Time::ZERO), &camera, &image);
     for _ in 1..DEPTH_RUNS {

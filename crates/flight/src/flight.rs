@@ -185,14 +185,19 @@ pub enum FlightError {
 /// [`FlightError`] if the flight cannot start; once started it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, depth_network, .. } = plan;
-    let depth_name = depth_network.as_ref().map(|depth| depth.network.name().to_owned());
+    let depth_name = depth_network.as_ref().map(|depth| depth.name.clone());
     let near_m = plan.settings.near_m.unwrap_or_else(|| site.near_m());
     // Who stops before the target is there.
     let near_m = Some(plan.settings.stand_off_m.map_or(near_m, |least| near_m.max(NEAR_STAND_OFF * least)));
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
     let drone: Box<dyn Drone> = match depth_network {
-        Some(plan) if clock == Clock::Virtual => Box::new(WithDepth::in_virtual_time(drone, plan)),
-        Some(plan) => Box::new(WithDepth::in_threads(drone, plan).map_err(FlightError::Thread)?),
+        Some(plan) => {
+            let network = (plan.network)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
+            match clock {
+                Clock::Virtual => Box::new(WithDepth::in_virtual_time(drone, network, &plan)),
+                _ => Box::new(WithDepth::in_threads(drone, network, &plan).map_err(FlightError::Thread)?),
+            }
+        }
         None => drone,
     };
     let capabilities = drone.capabilities();

@@ -25,7 +25,7 @@ pub use store::{RunHeader, Store, merge, read_head, read_paths, read_records};
 
 use crate::fnv;
 use crate::task::Task;
-use crate::trial::{Flown, Lost, Method, Record, Trial, VlmUnderTest, draw};
+use crate::trial::{Flown, Lost, Method, Networks, Record, Trial, VlmUnderTest, draw};
 
 /// A plan of trials.
 pub struct Plan {
@@ -41,6 +41,8 @@ pub struct Plan {
     pub seed: u64,
     /// Cost limit per trial, US dollars.
     pub max_cost_usd: Option<f64>,
+    /// What takes the place of what the simulator gives the methods.
+    pub networks: Networks,
 }
 
 impl Plan {
@@ -57,7 +59,9 @@ impl Plan {
     }
 
     fn draw(&self, task: &Arc<Task>, seed: u64) -> Vec<Trial> {
-        let trial = |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd: self.max_cost_usd };
+        let (max_cost_usd, networks) = (self.max_cost_usd, &self.networks);
+        let trial =
+            |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd, networks: networks.clone() };
         let trials = |method: Method| -> Vec<Trial> {
             if method.uses_vlm() {
                 self.pointers.iter().map(|pointer| trial(method, Some(pointer.clone()))).collect()
@@ -72,7 +76,10 @@ impl Plan {
     #[must_use]
     pub fn head(&self, shard: Shard, pointing: &str) -> RunHeader {
         let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
-        let all = format!("{:?} {pointing} {:?}", self.tasks, self.max_cost_usd);
+        let Networks { detector, depth } = &self.networks;
+        let names = [detector.as_ref().map(|network| &network.name), depth.as_ref().map(|network| &network.name)];
+        let networks = names.into_iter().flatten().map(|name| format!(" {name}")).collect::<String>();
+        let all = format!("{:?} {pointing} {:?}{networks}", self.tasks, self.max_cost_usd);
         RunHeader::new(trials, shard, format!("{:016x}", fnv(all.as_bytes())))
     }
 }

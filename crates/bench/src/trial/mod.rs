@@ -16,6 +16,7 @@ use serde::Serialize;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::prompt::PromptText;
 use spf_envelope::{BrakeLimits, Limits};
+use spf_flight::depth_network::DepthPlan;
 use spf_flight::detector::DetectorPlan;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
@@ -23,6 +24,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_oracle::ErrorFile;
+use spf_pilot::method::{Measured, Method as PilotMethod};
 use spf_pilot::{Outcome, PilotSettings};
 use spf_scene::geometry::ObjectId;
 use spf_sim::depth_sensor::DepthSensor;
@@ -75,6 +77,15 @@ pub struct Lost {
     pub cost_usd: f64,
 }
 
+/// Neural networks that take the place of what the simulator gives a method.
+#[derive(Clone, Default)]
+pub struct Networks {
+    /// In place of the simulated detector, of methods with one.
+    pub detector: Option<DetectorPlan>,
+    /// In place of the depth sensor, of methods with one.
+    pub depth: Option<DepthPlan>,
+}
+
 /// Revision of the source from which the program was built, with a `+` if files differed from it; empty if it is not known.
 pub const GIT_REV: &str =
     git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
@@ -100,6 +111,8 @@ pub struct Trial {
     pub seed: u64,
     /// Cost limit of this trial, US dollars.
     pub max_cost_usd: Option<f64>,
+    /// What takes the place of what the simulator gives the method.
+    pub networks: Networks,
 }
 
 impl Trial {
@@ -244,7 +257,7 @@ impl Trial {
             kind: task.craft,
             flight_conditions: FlightConditions {
                 wind: drawn.wind,
-                depth_sensor: self.method.brake_and_depth().1.then(DepthSensor::default),
+                depth_sensor: self.has_depth_sensor().then(DepthSensor::default),
                 ..FlightConditions::default()
             },
             seed: self.seed,
@@ -256,8 +269,9 @@ impl Trial {
             limits: Limits { brake: self.brake(), ..site.limits() },
             policy: self.method.policy_maker(&brief),
             preset: self.method.preset(),
-            settings: self.method.settings(task),
+            settings: self.settings(),
             detector: self.detector(),
+            depth_network: self.depth_network().cloned(),
             max_cost_usd: self.max_cost_usd,
             record,
             // A flight whose queries are taken away ends at once.
@@ -271,13 +285,34 @@ impl Trial {
         match self.method.brake_and_depth() {
             (false, _) => None,
             (true, false) => Some(BrakeLimits::without_sensor()),
+            (true, true) if self.depth_network().is_some() => Some(BrakeLimits::with_network()),
             (true, true) => Some(BrakeLimits::with_sensor()),
+        }
+    }
+
+    /// The depth network, if one takes the place of the method's sensor.
+    fn depth_network(&self) -> Option<&DepthPlan> {
+        self.networks.depth.as_ref().filter(|_| self.method.brake_and_depth().1)
+    }
+
+    fn has_depth_sensor(&self) -> bool {
+        self.method.brake_and_depth().1 && self.networks.depth.is_none()
+    }
+
+    fn settings(&self) -> PilotSettings {
+        let settings = self.method.settings(&self.task);
+        match self.depth_network() {
+            Some(_) => PilotSettings { method: PilotMethod::Depth(Measured::Part), ..settings },
+            None => settings,
         }
     }
 
     /// The detector, if the method uses one: the trial's own oracle, with the same percept; the default oracle
     /// if a model is used. Both only detect COCO classes.
     fn detector(&self) -> Option<DetectorPlan> {
+        if let (Some(network), true) = (&self.networks.detector, self.method.has_detector()) {
+            return Some(network.clone());
+        }
         let own = provider(self.vlm()) == "oracle";
         let name = if own { self.vlm() } else { DETECTOR }.to_owned();
         let factory = (!own).then(|| oracle_factory(name.clone(), ErrorFile::default()));
@@ -297,15 +332,26 @@ impl Trial {
         let limits = Limits { brake: self.brake(), ..usual.clone() };
         let mut params = serde_json::json!({
             "craft": self.task.craft,
-            "depth_sensor": self.method.brake_and_depth().1,
+            "depth_sensor": self.has_depth_sensor(),
             "detector": self.method.has_detector(),
             "fence": self.method.is_fenced(),
             "limits": changed(&limits, &usual),
             "policy": policy.name(),
             "preset": preset,
             "prompt": PromptText::shipped(policy.prompt()).source(),
-            "settings": changed(&self.method.settings(&self.task), &PilotSettings::preset(preset)),
+            "settings": changed(&self.settings(), &PilotSettings::preset(preset)),
         });
+        // Only where there is one: the digests of the others stay as they are.
+        let mut add = |what: &str, name: Option<&String>| {
+            if let Some(name) = name {
+                params[what] = name.clone().into();
+            }
+        };
+        add("depth_network", self.depth_network().map(|network| &network.name));
+        add(
+            "detector_network",
+            self.networks.detector.as_ref().filter(|_| self.method.has_detector()).map(|network| &network.name),
+        );
         params.sort_all_objects();
         params
     }
@@ -490,7 +536,14 @@ mod tests {
 
     fn trial(method: &str, task: &str) -> Trial {
         let task = Arc::new(shipped(task).unwrap().unwrap());
-        Trial { task, method: Method::of_name(method).unwrap(), pointer: None, seed: 0, max_cost_usd: None }
+        Trial {
+            task,
+            method: Method::of_name(method).unwrap(),
+            pointer: None,
+            seed: 0,
+            max_cost_usd: None,
+            networks: Networks::default(),
+        }
     }
 
     #[test]

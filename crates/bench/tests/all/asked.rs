@@ -9,7 +9,7 @@ use std::time::Duration;
 use spf_bench::run::asked::{Asked, write};
 use spf_bench::run::{Plan, RunOptions, Shard, StoreError, read_paths, read_records, run};
 use spf_bench::task::Task;
-use spf_bench::trial::{Flown, Method, Record, Trial, VlmUnderTest, draw};
+use spf_bench::trial::{Flown, Method, Networks, Record, Trial, VlmUnderTest, draw};
 use spf_flight::sim::{VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
 use spf_vlm::folder::{FolderOptions, OPEN, Points, QuestionFolder};
@@ -52,7 +52,14 @@ fn by_the_oracle() -> (Flown, Vec<String>) {
     let vlm_factory: VlmFactory =
         Arc::new(move |world, seed| Ok(Box::new(Heard { vlm: oracle(world, seed)?, texts: heard.clone() })));
     let pointer = Some(VlmUnderTest { name, vlm_factory, latency: Some(LATENCY_S) });
-    let trial = Trial { task: task(), method: Method::of_name("spf").unwrap(), pointer, seed: 0, max_cost_usd: None };
+    let trial = Trial {
+        task: task(),
+        method: Method::of_name("spf").unwrap(),
+        pointer,
+        seed: 0,
+        max_cost_usd: None,
+        networks: Networks::default(),
+    };
     let flown = trial.fly(&draw(&trial.task, 0).unwrap(), None);
     let texts = texts.lock().unwrap().clone();
     (flown, texts)
@@ -74,6 +81,7 @@ fn asked(folder: &Path, waits: bool, long_side: Option<u32>) -> Result<(bool, Op
         trials: 1,
         seed: 0,
         max_cost_usd: None,
+        networks: Networks::default(),
     };
     let head = plan.head(Shard::WHOLE, "asked");
     let asked = Asked::new(QuestionFolder::new(folder, options, Arc::new(|_| {}), None), WHO.to_owned());

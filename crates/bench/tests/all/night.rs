@@ -7,7 +7,7 @@ use std::sync::{Arc, LazyLock, Mutex};
 
 use spf_bench::run::{Plan, Progress, RunManifest, RunOptions, Shard, run};
 use spf_bench::task::Task;
-use spf_bench::trial::{Method, VlmUnderTest};
+use spf_bench::trial::{Method, Networks, VlmUnderTest};
 use spf_core::time::Duration;
 use spf_flight::sim::{VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
@@ -111,6 +111,7 @@ fn night(
         trials: TRIALS as u64,
         seed: 0,
         max_cost_usd: None,
+        networks: Networks::default(),
     };
     let head = plan.head(Shard::WHOLE, "oracle:default");
     let options = RunOptions { jobs: 1, videos: false, command: "spf bench run".to_owned(), files: BTreeMap::new(), asked: None };

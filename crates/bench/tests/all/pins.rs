@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use spf_bench::task::shipped;
-use spf_bench::trial::{Method, Trial, VlmUnderTest, draw};
+use spf_bench::trial::{Method, Networks, Trial, VlmUnderTest, draw};
 use spf_core::command::{Command, Manoeuvre};
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
@@ -136,7 +136,14 @@ fn row(method: &str, task: &str, seed: u64) -> String {
     let name = "oracle:default".to_owned();
     let vlm_factory = oracle_factory(name.clone(), ErrorFile::named("default").unwrap());
     let pointer = Some(VlmUnderTest { vlm_factory, name, latency: None });
-    let trial = Trial { task: Arc::new(drawn), method: Method::of_name(method).unwrap(), pointer, seed, max_cost_usd: None };
+    let trial = Trial {
+        task: Arc::new(drawn),
+        method: Method::of_name(method).unwrap(),
+        pointer,
+        seed,
+        max_cost_usd: None,
+        networks: Networks::default(),
+    };
     let mut numbers = Numbers::new();
     let flown = trial.fly_observed(&draw(&trial.task, seed).unwrap(), None, &mut [&mut numbers]);
     assert_eq!(flown.record.error, None, "{method} {task} {seed}");

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 
 use spf_bench::judge::Judge;
 use spf_bench::task::{Task, shipped};
-use spf_bench::trial::{Method, Sampled, Trial, VlmUnderTest, draw};
+use spf_bench::trial::{Method, Networks, Sampled, Trial, VlmUnderTest, draw};
 use spf_core::command::Command;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -158,7 +158,7 @@ fn plain(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &Pa
     let vlm_factory = oracle_factory(name.clone(), ErrorFile::named(errors).unwrap());
     let pointer = Some(VlmUnderTest { vlm_factory, name, latency: None });
     let method = Method::of_name("spf-depth").unwrap();
-    let trial = Trial { task: task.clone(), method, pointer, seed, max_cost_usd: None };
+    let trial = Trial { task: task.clone(), method, pointer, seed, max_cost_usd: None, networks: Networks::default() };
     assert_eq!(trial.fly(drawn, Some(record(folder))).record.error, None);
 }
 

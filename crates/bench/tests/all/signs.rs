@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use spf_bench::task::{SignContent, Task, shipped, suite};
-use spf_bench::trial::{Method, Record, SignFigures, Trial, VlmUnderTest, draw};
+use spf_bench::trial::{Method, Networks, Record, SignFigures, Trial, VlmUnderTest, draw};
 use spf_flight::sim::oracle_factory;
 use spf_oracle::ErrorFile;
 
@@ -13,7 +13,14 @@ fn flown(task: &str, method: &str, vlm: &str, seed: u64) -> (Record, SignFigures
     let name = format!("oracle:{vlm}");
     let pointer = Some(VlmUnderTest { vlm_factory: oracle_factory(name.clone(), errors), name, latency: None });
     let drawn = draw(&task, seed).unwrap();
-    let trial = Trial { task, method: Method::of_name(method).unwrap(), pointer, seed, max_cost_usd: None };
+    let trial = Trial {
+        task,
+        method: Method::of_name(method).unwrap(),
+        pointer,
+        seed,
+        max_cost_usd: None,
+        networks: Networks::default(),
+    };
     let record = trial.fly(&drawn, None).record;
     assert_eq!(record.error, None);
     let figures = record.signs.clone().unwrap();

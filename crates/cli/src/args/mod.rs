@@ -10,6 +10,7 @@ mod ground;
 mod log;
 mod mcp;
 mod methods;
+mod model;
 pub(crate) mod refused;
 mod screen;
 mod serve;
@@ -33,6 +34,7 @@ pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video}
 pub(crate) use mcp::Mcp;
 #[cfg(feature = "mcp")]
 pub(crate) use mcp::McpCommand;
+pub(crate) use model::{Model, ModelGet, ModelList};
 pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
@@ -122,6 +124,9 @@ pub(crate) enum Command {
     /// Vision-language models: list them, and check that one responds and points accurately
     #[command(subcommand)]
     Vlm(Vlm),
+    /// Neural networks that others have published: list them, fetch one
+    #[command(subcommand)]
+    Model(Model),
     /// Benchmark: fly tasks and measure success rates, judged by the simulator
     #[command(subcommand)]
     Bench(Bench),
@@ -147,6 +152,7 @@ impl Command {
             Self::Replay(replay) => replay.json,
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
+            Self::Model(Model::List(list)) => list.json,
             Self::Bench(Bench::Run(run)) => run.json,
             Self::Bench(Bench::Ask(ask)) => ask.json,
             Self::Bench(_)
@@ -157,6 +163,7 @@ impl Command {
             | Self::Log(_)
             | Self::Mcp(_)
             | Self::Vlm(_)
+            | Self::Model(_)
             | Self::Track(_)
             | Self::Config(_)
             | Self::Completions(_)

@@ -75,7 +75,11 @@ takes! {
     /// `spf vlm trial`.
     OfVlmTrial: ["--vlm-models", "--vlm-price", "--vlm-latency", "--send-key-to", "--max-cost"];
     /// `spf bench run`.
-    OfBenchRun: ["--vlm-models", "--vlm-price", "--vlm-latency", "--send-key-to", "--max-cost"] with |flag: &str, arg: Arg| match flag {
+    OfBenchRun: ["--vlm-models", "--vlm-price", "--vlm-latency", "--send-key-to", "--max-cost", "--detector", "--depth-model"] with |flag: &str, arg: Arg| match flag {
+        "--detector" => arg.help("Detector in place of the simulated one, of methods with one: nanodet or FILE.onnx"),
+        "--depth-model" => arg.help(
+            "Depth network in place of the depth sensor, of methods with one: fastdepth, FILE.onnx:KIND, or stand-in:ERROR",
+        ),
         "--max-cost" => arg.help(
             "VLM cost limit of the whole run, including what was flown in the folder before, US dollars [default: no limit]",
         ),
@@ -87,5 +91,5 @@ takes! {
         _ => arg,
     };
     /// `spf bench show`.
-    OfBenchShow: ["--send-key-to"];
+    OfBenchShow: ["--send-key-to", "--detector", "--depth-model"];
 }

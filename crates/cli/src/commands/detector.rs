@@ -1,11 +1,14 @@
 //! `--detector`: selects the object detector for obstacle mode.
 
-use std::path::Path;
+use std::path::PathBuf;
 
+use spf_core::time::Duration;
+use spf_detect::published::{Published, Role};
 use spf_detect::{Bounds, Detector, NetworkError, Place};
 use spf_flight::detector::{DetectorPlan, model_detects};
 use spf_flight::sim::{VlmFactory, oracle_factory};
 
+use crate::commands::model;
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
 use crate::settings::Settings;
@@ -18,6 +21,21 @@ pub(crate) fn combine(settings: &Settings, pointing: Pointing) -> Result<(Pointi
     Ok((Pointing { sentence, ..pointing }, Some(DetectorPlan { name, factory: Some(vlm_factory) })))
 }
 
+/// The configured detector of the bench's trials; `None` for the simulated one. Its latency is that of the simulated one, so that trials do
+/// not depend on the machine.
+pub(crate) fn in_the_bench(settings: &Settings) -> Result<Option<DetectorPlan>, CliError> {
+    let Some(name) = settings.fly.detector.text() else { return Ok(None) };
+    if !is_network(name) {
+        return Err(settings.fly.detector.wrong("nanodet or FILE.onnx: the trial's own oracle is the simulated detector", None));
+    }
+    let detector = open(name)?;
+    let name = detector.name().to_owned();
+    Ok(Some(DetectorPlan { name, factory: Some(model_detects(detector, Some(LATENCY))) }))
+}
+
+/// Latency of the simulated detector.
+const LATENCY: Duration = Duration::from_millis(100);
+
 /// A detector.
 struct Detecting {
     name: String,
@@ -25,40 +43,47 @@ struct Detecting {
     sentence: String,
 }
 
-/// Whether a name refers to a model file.
-fn is_file(name: &str) -> bool {
-    name.to_ascii_lowercase().ends_with(".onnx")
+/// Whether a name refers to a neural network: to a file, or to a published one.
+fn is_network(name: &str) -> bool {
+    name.to_ascii_lowercase().ends_with(".onnx") || Published::named(name).is_some()
 }
 
 fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
-    if is_file(name) {
+    if is_network(name) {
         let detector = open(name)?;
         let (width, height) = detector.input();
         let (name, classes) = (detector.name().to_owned(), detector.classes().len());
         let sentence = format!("Detector: {name}, {classes} classes, {width}×{height} pixels.");
-        return Ok(Detecting { name, vlm_factory: model_detects(detector), sentence });
+        return Ok(Detecting { name, vlm_factory: model_detects(detector, None), sentence });
     }
-    let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
+    let expected = "nanodet, FILE.onnx, oracle, oracle:NAME or oracle:FILE";
     let (name, errors) = oracle_named(name, |_, near| settings.fly.detector.wrong(expected, near))?;
     let sentence = format!("Detector: {name}, which reads the simulator's ID images and simulates the COCO classes.");
     Ok(Detecting { vlm_factory: oracle_factory(name.clone(), errors), name, sentence })
 }
 
-/// Loads the model of a file, in a process of its own.
-pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
+/// Loads the model of a file, or a published one, in a process of its own.
+pub(crate) fn open(name: &str) -> Result<Detector, CliError> {
+    let path = match model::published(name).transpose()? {
+        Some((Published { role: Role::Depth(_), .. }, _)) => {
+            return Err(CliError::usage(format!("{name} is no detector")).hint(&format!("--depth-model {name}")));
+        }
+        Some((_, path)) => path,
+        None => PathBuf::from(name),
+    };
     let place = Place::this_program(Bounds::default())
         .map_err(|error| CliError::internal("cannot tell where this program is").because(&error))?;
-    Detector::open(Path::new(path), &place).map_err(|error| {
+    Detector::open(&path, &place).map_err(|error| {
         let hint = match error {
-            NetworkError::NotBuilt => "cargo install --path crates/cli --features onnx",
+            NetworkError::NotBuilt => model::WITH_ONNX,
             NetworkError::Read(_) => "give a readable ONNX file",
             _ => "docs/guide/detector.md lists the supported models and how to export them",
         };
-        CliError::usage(format!("cannot load the detector `{path}`")).because(&error).hint(hint)
+        CliError::usage(format!("cannot load the detector `{name}`")).because(&error).hint(hint)
     })
 }
 
-/// The configured detector, if it is a model file.
-pub(crate) fn file(settings: &Settings) -> Option<&str> {
-    settings.fly.detector.text().filter(|name| is_file(name))
+/// The configured detector, if it is a neural network.
+pub(crate) fn network(settings: &Settings) -> Option<&str> {
+    settings.fly.detector.text().filter(|name| is_network(name))
 }

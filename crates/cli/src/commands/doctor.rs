@@ -4,6 +4,7 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use spf_flight::doctor::{self, Check, Finding};
+use spf_media::Rgb;
 use spf_scene::SceneLook;
 use spf_vlm::setup::has_key;
 use spf_vlm::table::VendorRow;
@@ -52,7 +53,9 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     if let Some(loaded) = simulated {
         checks.insert(0, doctor::simulator(&loaded));
     }
-    checks.extend(detector::file(&settings).map(watch));
+    if let Some(named) = detector::network(&settings) {
+        checks.push(watch(named)?);
+    }
     if let Some(named) = settings.fly.depth_model.text() {
         checks.push(depth(&settings, named)?);
     }
@@ -106,12 +109,15 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     }
 }
 
-/// Checks a detector model: whether it can be used, and its inference time.
-fn watch(path: &str) -> Check {
-    match detector::open(path) {
-        Ok(model) => doctor::detector(&model),
-        Err(error) => refused("detector", &error),
-    }
+/// Checks a detector model: whether it can be used, its inference time, and what it sees in a picture of the simulator.
+fn watch(named: &str) -> Result<Check, CliError> {
+    let model = match detector::open(named) {
+        Ok(model) => model,
+        Err(error) => return Ok(refused("detector", &error)),
+    };
+    let loaded = load_scene("office", &SceneLook::default())?;
+    let (check, picture) = doctor::detector(&model, &loaded);
+    with_picture(check, picture, "its boxes in", "detector.png")
 }
 
 /// Checks a depth network: whether it can be used, how fast it is, and what it sees in a picture of the simulator.
@@ -122,21 +128,21 @@ fn depth(settings: &Settings, named: &str) -> Result<Check, CliError> {
     };
     let loaded = load_scene("office", &SceneLook::default())?;
     let (check, picture) = doctor::depth_network(&network, &loaded);
+    with_picture(check, picture, "its depth of", "depth-model.png")
+}
+
+/// A check that shows a picture, which is written to a new file: never over a file of the user's.
+fn with_picture(check: Check, picture: Option<Rgb>, what: &str, name: &str) -> Result<Check, CliError> {
     let Some(picture) = picture else { return Ok(check) };
-    let png = spf_media::png::encode(&picture)
-        .map_err(|error| CliError::internal("cannot encode the picture of the depth").because(&error))?;
-    // Never over a file of the user's.
-    let written = std::fs::File::create_new(PICTURE).and_then(|mut file| file.write_all(&png));
+    let png = spf_media::png::encode(&picture).map_err(|error| CliError::internal("cannot encode a picture").because(&error))?;
+    let written = std::fs::File::create_new(name).and_then(|mut file| file.write_all(&png));
     let place = match written {
-        Ok(()) => format!("its depth of a test image: {PICTURE}"),
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => format!("{PICTURE} exists, and stays as it is"),
-        Err(error) => format!("{PICTURE} cannot be written: {error}"),
+        Ok(()) => format!("{what} a test image: {name}"),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => format!("{name} exists, and stays as it is"),
+        Err(error) => format!("{name} cannot be written: {error}"),
     };
     Ok(Check { found: format!("{}; {place}", check.found), ..check })
 }
-
-/// Where the picture of a network's depth is written.
-const PICTURE: &str = "depth-model.png";
 
 /// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {

@@ -13,6 +13,7 @@ pub(crate) mod ground;
 pub(crate) mod log;
 #[cfg(feature = "mcp")]
 pub(crate) mod mcp;
+pub(crate) mod model;
 mod reask;
 pub(crate) mod replay;
 pub(crate) mod screen;

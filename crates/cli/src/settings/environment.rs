@@ -15,7 +15,7 @@ use crate::printer::one_line;
 const PREFIX: &str = "SPF_";
 
 /// The program's variables that are not keys.
-const OTHERS: [&str; 2] = [Shard::COUNT_VARIABLE, "SPF_MCP_TOKEN"];
+const OTHERS: [&str; 3] = [Shard::COUNT_VARIABLE, "SPF_MCP_TOKEN", "SPF_MODELS"];
 
 impl Settings {
     /// Applies the values of `.env` and of the environment; returns warnings about variables that may be misspelt.

@@ -101,11 +101,12 @@ settings! {
         /// brake for obstacles that are measured or mapped, whatever the VLM says, and for the boxes of replies while somebody is
         /// followed: on, off, or auto (on with measured depth or --track)
         brake: Switch = "auto", Word, "SPF_BRAKE";
-        /// detector of obstacles in the place of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or, in the simulator,
-        /// oracle or oracle:NAME (simulates a detector of the COCO classes); empty: the VLM lists them
+        /// detector of obstacles in the place of the VLM: nanodet (`spf model list`), a YOLO model FILE.onnx (see docs/guide/detector.md),
+        /// or, in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes); empty: the VLM lists them
         detector: String = "", Text, "SPF_DETECTOR", OBSTACLES.value("--detector", "DETECTOR");
-        /// network of your own that estimates the depth of frames, for the obstacle map: FILE.onnx:KIND, where KIND is what its output
-        /// is: disparity, relative, metric, or canonical[=FOCAL] (see docs/guide/obstacles.md); empty: none
+        /// network that estimates the depth of frames, for the obstacle map: fastdepth (`spf model list`), or FILE.onnx:KIND, where KIND is
+        /// what its output is: disparity, relative, metric, or canonical[=FOCAL] (see docs/guide/obstacles.md), or, in the simulator,
+        /// stand-in:ERROR with a mean relative error such as 0.1; empty: none
         depth_model: String = "", Text, "SPF_DEPTH_MODEL", OBSTACLES.value("--depth-model", "MODEL");
         /// width and height of the depth network's input, pixels, such as 336x252; empty: its own if fixed, else 252x196
         depth_model_size: NetworkSize = "", Parsed("WIDTHxHEIGHT in pixels, each from 14 to 4096, such as 336x252"), "SPF_DEPTH_MODEL_SIZE";

@@ -108,6 +108,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("waits for answers; module bench gives them")
     } else if has(&["yolov8n.onnx", "depth_anything_v2_vits.onnx"]) {
         Some("needs the feature onnx and a model; the tests of the crate detect have small ones")
+    } else if has(&["nanodet", "fastdepth"]) {
+        Some("needs the feature onnx and a package of npm's; module models fetches, converts and flies them")
     } else if has(&["results/part*"]) {
         Some("merges what sbatch has flown; .ci/slurm runs the whole array")
     } else {

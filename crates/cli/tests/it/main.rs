@@ -26,6 +26,7 @@ mod manual;
 mod mavlink;
 #[cfg(all(unix, feature = "mcp"))]
 mod mcp;
+mod models;
 mod operator;
 mod python;
 mod say;

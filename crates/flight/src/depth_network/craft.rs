@@ -18,7 +18,7 @@ use spf_envelope::Cleared;
 use super::beside::Beside;
 use super::points::PointFollower;
 use super::scaling::Scaling;
-use super::{DepthPlan, Estimator};
+use super::{DepthPlan, EstimatesDepth, Estimator};
 use crate::tracking::INTERVAL;
 use crate::tracking::attitudes::Attitudes;
 
@@ -60,8 +60,8 @@ enum Work {
 
 impl WithDepth {
     /// A network for a craft in virtual time.
-    pub(crate) fn in_virtual_time(drone: Box<dyn Drone>, plan: DepthPlan) -> Self {
-        let DepthPlan { network, period, latency } = plan;
+    pub(crate) fn in_virtual_time(drone: Box<dyn Drone>, network: Box<dyn EstimatesDepth>, plan: &DepthPlan) -> Self {
+        let &DepthPlan { period, latency, .. } = plan;
         let camera = drone.capabilities().camera;
         let work = Work::Virtual {
             follower: Box::new(PointFollower::new(&camera)),
@@ -79,9 +79,9 @@ impl WithDepth {
     ///
     /// # Errors
     /// The operating system's error if a thread cannot be started.
-    pub(crate) fn in_threads(drone: Box<dyn Drone>, plan: DepthPlan) -> std::io::Result<Self> {
+    pub(crate) fn in_threads(drone: Box<dyn Drone>, network: Box<dyn EstimatesDepth>, plan: &DepthPlan) -> std::io::Result<Self> {
         let camera = drone.capabilities().camera;
-        let (mut follower, mut estimator) = (PointFollower::new(&camera), Estimator::new(plan.network, camera));
+        let (mut follower, mut estimator) = (PointFollower::new(&camera), Estimator::new(network, camera));
         let points = move |(meta, photo, attitudes): Seen| Some(follower.follow(&meta, &photo, &attitudes));
         let network = move |(meta, photo): (FrameMeta, Photo)| {
             let began = Instant::now();

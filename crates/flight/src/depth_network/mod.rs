@@ -11,18 +11,27 @@ mod network;
 mod picture;
 mod points;
 mod scaling;
+mod stand_in;
 
 pub(crate) use craft::WithDepth;
 pub use network::OnnxDepth;
 pub use picture::picture;
+pub use stand_in::StandIn;
+
+use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
-use spf_detect::mono_depth::MonoDepth;
+use spf_detect::DepthNetwork;
+use spf_detect::mono_depth::{DepthKind, MonoDepth};
 use spf_drone::frames::Photo;
 use spf_media::{Rgb, Scaler};
 
+use crate::sim::{SimWorld, VlmFactoryError};
+
+/// In virtual time, from a frame to its estimate.
+const LATENCY: Duration = Duration::from_millis(400);
 /// An estimate that takes longer is of no use.
 const TOO_LATE: Duration = Duration::from_secs(3);
 /// Number of estimates in a row that may fail or be too late.
@@ -43,14 +52,41 @@ pub trait EstimatesDepth: Send {
     fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, image: &Rgb) -> Result<MonoDepth, String>;
 }
 
+/// Creates the network of a flight: in this simulated world, if it is one, and with this seed.
+pub type DepthFactory = Arc<dyn Fn(Option<&SimWorld>, u64) -> Result<Box<dyn EstimatesDepth>, VlmFactoryError> + Send + Sync>;
+
 /// A network beside a flight, and how often it is asked.
+#[derive(Clone)]
 pub struct DepthPlan {
-    /// The network.
-    pub network: Box<dyn EstimatesDepth>,
+    /// Its name.
+    pub name: String,
+    /// Creates the network.
+    pub network: DepthFactory,
     /// Least time from one frame to the next.
     pub period: Duration,
     /// In virtual time, from a frame to its estimate.
     pub latency: Duration,
+}
+
+impl DepthPlan {
+    /// The network of an ONNX file. In virtual time its estimates are assumed to take 0.4 s, so that flights do not depend on the
+    /// machine.
+    #[must_use]
+    pub fn onnx(network: DepthNetwork, period: Duration) -> Self {
+        let name = network.name().to_owned();
+        let factory: DepthFactory = Arc::new(move |_, _| Ok(Box::new(OnnxDepth(network.clone()))));
+        Self { name, network: factory, period, latency: LATENCY }
+    }
+
+    /// A stand-in for a network, in the simulator: true depths with a mean relative error, in metres or up to a scale.
+    #[must_use]
+    pub fn stand_in(error: f64, kind: DepthKind, period: Duration) -> Self {
+        let factory: DepthFactory = Arc::new(move |world, seed| match world {
+            Some(world) => Ok(Box::new(StandIn::new(world.clone(), (error, kind), seed))),
+            None => Err("a stand-in for a depth network needs the simulator".into()),
+        });
+        Self { name: stand_in::name(error, kind), network: factory, period, latency: LATENCY }
+    }
 }
 
 /// Asks the network, and gives it up if it fails.

@@ -95,8 +95,9 @@ fn about() -> Capabilities {
     Capabilities { position: true, ..Capabilities::of(Craft::quad(), Camera::quad(), TelemetryAccuracy::EXACT) }
 }
 
-fn plan(fake: Fake, period: u64) -> DepthPlan {
-    DepthPlan { network: Box::new(fake), period: Duration::from_millis(period), latency: Duration::from_millis(400) }
+fn plan(period: u64) -> DepthPlan {
+    let network: DepthFactory = Arc::new(|_, _| Err("the tests give their own".into()));
+    DepthPlan { name: "fake".to_owned(), network, period: Duration::from_millis(period), latency: LATENCY }
 }
 
 fn meta(id: u64) -> FrameMeta {
@@ -155,7 +156,7 @@ fn in_virtual_time_the_rate_and_the_latency_are_those_stated() {
     }
     events.extend([told(90, FlightPhase::Landing), frame(90)]);
     let count = events.len();
-    let mut drone = WithDepth::in_virtual_time(Box::new(Scripted(events)), plan(fake, 500));
+    let mut drone = WithDepth::in_virtual_time(Box::new(Scripted(events)), Box::new(fake), &plan(500));
     assert_eq!(drone.capabilities().depth, Some(12.0));
     let all = reported(&mut drone, Time::from_millis(9000));
     assert!(all.is_sorted_by_key(|(at, _)| *at));
@@ -175,7 +176,7 @@ fn a_network_that_fails_three_times_in_a_row_is_left_out() {
     let (fake, seen) = fake(true);
     let mut events = VecDeque::from([told(0, FlightPhase::Flying)]);
     events.extend((1..50).map(|n| frame(5 * n)));
-    let mut drone = WithDepth::in_virtual_time(Box::new(Scripted(events)), plan(fake, 100));
+    let mut drone = WithDepth::in_virtual_time(Box::new(Scripted(events)), Box::new(fake), &plan(100));
     assert_eq!(depths(&reported(&mut drone, Time::from_millis(90_000))), []);
     assert_eq!((seen.lock().unwrap().len(), drone.next_event_at()), (3, None));
 }
@@ -207,7 +208,7 @@ fn the_flight_never_waits_for_the_network() {
     let began = Instant::now();
     let mut events = VecDeque::from([told(0, FlightPhase::Flying), frame(1)]);
     events.extend((1990..=2000).map(|n| told(n, FlightPhase::Flying)));
-    let mut drone = WithDepth::in_threads(Box::new(Scripted(events)), plan(network, 1)).unwrap();
+    let mut drone = WithDepth::in_threads(Box::new(Scripted(events)), Box::new(network), &plan(1)).unwrap();
     let now = Time::from_millis(200_000);
     let mut passed = 0;
     while drone.next_event(now).is_some() {

@@ -7,7 +7,7 @@ use spf_core::craft::CraftKind;
 use spf_core::depth::{DepthGrid, DepthSource};
 use spf_core::time::{Duration, Time};
 use spf_detect::{DepthNetwork, DepthOptions, OutputKind, Place};
-use spf_flight::depth_network::{DepthPlan, OnnxDepth};
+use spf_flight::depth_network::DepthPlan;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, replay, row};
@@ -51,7 +51,6 @@ fn flown(folder: &Path) -> (Vec<f64>, Vec<Entry>) {
     let site =
         Simulated { kind: CraftKind::Quad, seed: 3, ..Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city") };
     let vlm_factory = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
-    let network = Box::new(OnnxDepth(knows_ground()));
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(9),
@@ -59,7 +58,7 @@ fn flown(folder: &Path) -> (Vec<f64>, Vec<Entry>) {
             method: Method::Depth(Measured::Part),
             ..PilotSettings::preset(Preset::Default)
         },
-        depth_network: Some(DepthPlan { network, period: Duration::from_millis(500), latency: Duration::from_millis(400) }),
+        depth_network: Some(DepthPlan::onnx(knows_ground(), Duration::from_millis(500))),
         record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
         ..FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", vlm_factory)
     };

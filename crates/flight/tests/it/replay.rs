@@ -159,7 +159,7 @@ fn a_flight_with_a_model_is_the_same_again() {
     let log = flown(&folder.path().join("flight"), |plan| {
         plan.settings.avoid = true;
         // The inference time varies: a replay takes it from the log.
-        plan.detector = Some(DetectorPlan { name: detector.name().to_owned(), factory: Some(model_detects(detector)) });
+        plan.detector = Some(DetectorPlan { name: detector.name().to_owned(), factory: Some(model_detects(detector, None)) });
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);
     assert_eq!(with_boxes(&log, "").1.as_deref(), Some("squares.onnx"));

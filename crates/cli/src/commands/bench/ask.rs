@@ -10,7 +10,7 @@ use spf_bench::run::asked::{Asked, Line, lines, said, write};
 use spf_bench::run::{Plan, Progress, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::words;
-use spf_bench::trial::{Method, Record, VlmUnderTest};
+use spf_bench::trial::{Method, Networks, Record, VlmUnderTest};
 use spf_flight::sim::VlmFactory;
 use spf_flight::words::counted;
 use spf_pilot::{PilotSettings, Preset};
@@ -112,7 +112,7 @@ fn plan(args: &BenchAsk, tasks: Vec<Arc<spf_bench::task::Task>>, methods: Vec<Me
     // Each trial gets questions of its own when it is flown.
     let vlm_factory: VlmFactory = Arc::new(|_, _| Err("these questions are asked by `spf bench ask` only".into()));
     let pointers = vec![VlmUnderTest { name, vlm_factory, latency: Some(latency) }];
-    Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: None }
+    Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: None, networks: Networks::default() }
 }
 
 /// The lines that are typed, read by one thread for the life of the process.

@@ -9,10 +9,11 @@ mod show;
 pub(crate) use spf_api::bench::store_error;
 use spf_bench::run::merge;
 use spf_bench::task::SUITES;
-use spf_bench::trial::{VlmUnderTest, split_latency};
+use spf_bench::trial::{Networks, VlmUnderTest, split_latency};
 
 use crate::args::{Bench, BenchMerge};
 use crate::commands::vlm::{Pace, is_human, pointing};
+use crate::commands::{depth_model, detector};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -41,6 +42,12 @@ pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTes
     let pointing = pointing(settings, None, Pace::Virtual)?;
     let latency = latency.or(pointing.latency.map(|latency| latency.as_secs_f64()));
     Ok(VlmUnderTest { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
+}
+
+/// The networks that take the place of what the simulator gives a method.
+fn networks(settings: &Settings) -> Result<Networks, CliError> {
+    let depth = depth_model::plan(settings)?.map(|(plan, _)| plan);
+    Ok(Networks { detector: detector::in_the_bench(settings)?, depth })
 }
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {

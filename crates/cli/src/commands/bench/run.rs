@@ -12,7 +12,7 @@ use spf_bench::task::suite;
 use spf_bench::trial::{Record, VlmUnderTest, run_id};
 use spf_vlm::service::{RunEnd, Service};
 
-use super::{pointer, store_error};
+use super::{networks, pointer, store_error};
 use crate::args::BenchRun;
 use crate::commands::fly::signals::interrupts;
 use crate::commands::vlm::{Estimate, agreed, dollars, failure, listed, obeying, service};
@@ -51,7 +51,15 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files, asked: None };
-    let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: per_trial };
+    let plan = Plan {
+        tasks,
+        methods,
+        pointers,
+        trials: args.trials,
+        seed: args.seed,
+        max_cost_usd: per_trial,
+        networks: networks(&settings)?,
+    };
     let head = plan.head(shard, vlms);
     let total = plan.draws().iter().flatten().count();
     let before = read_records(&args.output).unwrap_or_default();
@@ -172,6 +180,8 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     let given = |flag: &str| args.settings.text(flag).map(str::to_owned);
     give("--vlm-latency", given("--vlm-latency"));
     give("--send-key-to", given("--send-key-to"));
+    give("--detector", given("--detector"));
+    give("--depth-model", given("--depth-model"));
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
     give("--vlm-price", given("--vlm-price"));

@@ -9,7 +9,7 @@ use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 
-use super::pointer;
+use super::{networks, pointer};
 use crate::args::BenchShow;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -51,7 +51,7 @@ fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let method = Method::of_name(method).ok_or_else(wrong)?;
     let task = Arc::new(task_of(args.task.as_deref().unwrap_or(task))?);
     let pointer = if method.uses_vlm() { Some(pointer(settings, &name_of(args, vlm)?)?) } else { None };
-    let trial = Trial { task, method, pointer, seed, max_cost_usd: None };
+    let trial = Trial { task, method, pointer, seed, max_cost_usd: None, networks: networks(settings)? };
     if trial.run_id() == args.run_id {
         return Ok(trial);
     }

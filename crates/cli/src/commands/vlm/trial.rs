@@ -11,7 +11,7 @@ use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer};
 use spf_bench::run::{Plan, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::task::{Task, suite};
-use spf_bench::trial::{Method, Record, VlmUnderTest};
+use spf_bench::trial::{Method, Networks, Record, VlmUnderTest};
 use spf_bench::tryout::{DotCheck, EchoRow, Findings, echo, page};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::time::duration_from_secs;
@@ -343,6 +343,7 @@ impl Trial<'_> {
             trials: 1,
             seed: self.args.seed,
             max_cost_usd: None,
+            networks: Networks::default(),
         };
         let head = plan.head(Shard::WHOLE, &self.args.names);
         let (jobs, command) = (usize::from(self.args.parallel), self.command());
