@@ -12,7 +12,7 @@ use super::language::Phrase;
 use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
-use super::language::resolve::meant;
+use super::language::resolve::{is_elsewhere, meant};
 use super::limits::{NEAR_STAND_OFF, stand_off};
 use super::percept::{Percept, logistic};
 use super::sight::{PerceivedObject, slopes};
@@ -195,6 +195,7 @@ impl Inputs<'_> {
                 found.retain(|&i| last == Some(&items[i].tags.words()));
             }
         }
+        self.keep_placed(phrase, &mut found, &items);
         if found.iter().any(|&i| fits(self.seen[i])) {
             found.retain(|&i| fits(self.seen[i]));
         }
@@ -215,7 +216,15 @@ impl Inputs<'_> {
 
     /// All objects that a phrase may mean in this image.
     pub(super) fn all(&self, phrase: &Phrase) -> Vec<&PerceivedObject> {
-        meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
+        let items = self.items();
+        let mut found = meant(phrase, &items);
+        self.keep_placed(phrase, &mut found, &items);
+        found.into_iter().map(|i| self.seen[i]).collect()
+    }
+
+    /// Keeps those that are in the place where the phrase says, as the ground truth does, which sees the whole scene.
+    fn keep_placed(&self, phrase: &Phrase, found: &mut Vec<usize>, items: &[Item<'_>]) {
+        found.retain(|&i| !is_elsewhere(phrase, items[i].tags, &self.percept.placed));
     }
 
     /// The objects of `found` with a number in their name; `None` if no visible object has one.
