@@ -49,7 +49,14 @@ pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
         Some(brief) => brief.instruction(),
         None => parse(&query.instruction, &percept.words),
     };
-    signs::obeyed(&view).unwrap_or_else(|| stages::aim(&own(), &view))
+    let mut aim = signs::obeyed(&view).unwrap_or_else(|| stages::aim(&own(), &view));
+    // The sails of a windmill reach out in front of the tower, at which one points: who keeps a distance keeps it from these.
+    if let (Some(_), Some(place)) = (stand_off, &mut aim.place)
+        && let Some(thing) = seen.iter().find(|thing| Some(&thing.tags.key) == aim.target.as_ref())
+    {
+        place.range = place.range.min(thing.nearest);
+    }
+    aim
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {

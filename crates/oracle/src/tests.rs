@@ -234,6 +234,18 @@ fn what_belongs_to_a_place_is_told_by_its_tags_whatever_is_in_view() {
 }
 
 #[test]
+fn a_distance_is_kept_from_what_reaches_out_in_front() {
+    let mill = tagged(1, "windmill", "building", "white");
+    let painting = Painting::new()
+        .with(mill.clone(), 300..600, 100..160, 10.0)
+        .with(mill, 400..500, 160..600, 30.0)
+        .named(1, "sails", false, 300..600, 100..160)
+        .named(1, "tower", true, 400..500, 160..600);
+    let label = |words: &str| ask(&oracle("perfect"), &painting, &query(0, POINT, words)).depth.unwrap();
+    assert_eq!([label("go to the windmill"), label("go to the windmill and stay 3 m away")], [8, 6]);
+}
+
+#[test]
 fn an_object_cut_by_the_edge_is_looked_for_beyond_it() {
     let oracle = oracle("perfect");
     let mut painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 0..20, 300..400, 9.0);
