@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::chatter::{is_function, is_slip_of_function, without_chatter};
 use super::language::item::Item;
-use super::language::lex::{adds_nothing, is_harmless, is_looking, is_thing, is_verb, raw_tokens, singular};
+use super::language::lex::{adds_nothing, is_looking, is_thing, is_verb, raw_tokens, singular};
 use super::language::lexicon::{ADJECTIVES, NOUNS};
 use super::language::manner;
 use super::language::pieces::{begins_condition, condition, corrects, filler};
@@ -51,6 +51,7 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
             .max(time)
             .max(manner::picture(tokens, at))
             .max(manner::duration(rest))
+            .max(manner::question(rest))
             .max(other_order(tokens, at))
     });
     let taken_back = taken_back(&words);
@@ -59,7 +60,9 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
         !taken_back[at]
             && !tokens.is_empty()
             && (manner[at]
-                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token) || is_side_of(token, &words, at))
+                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token))
+                || is_side_of(&words, at)
+                || SIDES.contains(&words[at]) && is_side_of(&words, at + 1)
                 || (tokens.iter().any(|token| is_part(token, &words, at) || reader.has_content(&reader.correct(token)))
                     && !reader.uses(&tokens, &words, at, &whole)))
     };
@@ -247,7 +250,7 @@ impl<'a> Reader<'a> {
         let tokens: Vec<String> = words.iter().flat_map(|word| raw_tokens(word)).collect();
         let fails = tokens.iter().any(|token| token == "not" || (token.len() > 3 && token.ends_with("nt")) || token == "cannot");
         // The words of a scene include those of "black and white".
-        let names = |token: &String| !is_harmless(token) && (is_thing(&singular(token)) || self.scene.contains(&singular(token)));
+        let names = |token: &String| !is_function(token) && (is_thing(&singular(token)) || self.scene.contains(&singular(token)));
         fails && tokens.iter().any(|token| is_looking(token)) && !tokens.iter().any(names)
     }
 
@@ -308,8 +311,8 @@ impl<'a> Reader<'a> {
 
 /// Whether the word asks for a side of its object: "the other side of the canal", but not "the house on the far side of the church",
 /// which is a relation.
-fn is_side_of(token: &str, words: &[&str], at: usize) -> bool {
-    if !matches!(token, "side" | "back" | "rear") || words.get(at + 1) != Some(&"of") {
+fn is_side_of(words: &[&str], at: usize) -> bool {
+    if !matches!(words.get(at), Some(&("side" | "back" | "rear"))) || words.get(at + 1) != Some(&"of") {
         return false;
     }
     let told = |word: &&&str| raw_tokens(word).iter().any(|token| !is_function(token) && !SIDES.contains(&token.as_str()));
@@ -420,9 +423,18 @@ fn parts(words: &[&str], unused: &[bool]) -> Vec<String> {
         }
         last = Some(at);
     }
-    let bare = |part: String| part.trim_matches(|c: char| !c.is_alphanumeric()).to_owned();
-    parts.into_iter().map(bare).collect()
+    parts.iter().map(|part| bare(part).to_owned()).collect()
 }
+
+/// A part without what it hangs on by: "roof" of "to the roof", but "from above" and "in the car park".
+fn bare(part: &str) -> &str {
+    let part = part.trim_matches(|c: char| !c.is_alphanumeric());
+    let rest = part.split_once(' ').filter(|(first, _)| HANGING.contains(&first.to_lowercase().as_str()));
+    rest.map_or(part, |(_, rest)| bare(rest))
+}
+
+/// Words before a part that belong to what is used: to the verb, or to nothing.
+const HANGING: [&str; 9] = ["a", "an", "the", "of", "to", "its", "their", "into", "onto"];
 
 /// Start of the small words before a word.
 fn before(words: &[&str], at: usize) -> usize {
@@ -487,13 +499,14 @@ mod tests {
     #[test]
     fn a_part_that_changes_nothing_is_named() {
         for (instruction, part) in [
-            ("fly to the roof of the church", "to the roof"),
+            ("fly to the roof of the church", "roof"),
             ("I'd like to see the church behind you", "behind"),
-            ("fly to the other side of the pond", "side"),
-            ("go to the back of the church", "to the back"),
+            ("fly to the other side of the pond", "other side"),
+            ("go to the opposite side of the bus", "opposite side"),
+            ("go to the back of the church", "back"),
             ("show me the pond from above", "from above"),
-            ("follow the road to the bus", "to the bus"),
-            ("fly to the top of the red crane", "to the top"),
+            ("follow the road to the bus", "bus"),
+            ("fly to the top of the red crane", "top"),
             ("fly around the church three times", "three times"),
             ("fly to the red crane, then around the church twice", "twice"),
             ("go to the bus and then return to the start", "return to the start"),
@@ -510,11 +523,14 @@ mod tests {
             ("if you see a bus, go to the church", "if you see a bus"),
             ("go to the church if you see a bus", "if you see a bus"),
             ("go to the pond, if you cannot find it, go to the church", "if you cannot find it, go to the church"),
-            ("fly to the left of the church", "to the left"),
+            ("fly to the left of the church", "left"),
             ("fly on top of the church", "on top"),
             ("wash the bus", "wash"),
             ("when you see a bus go to the church", "when you see a bus"),
             ("hover at the church for five minutes", "for five minutes"),
+            ("hover at the church for a minute", "for a minute"),
+            ("what's behind the church", "what's"),
+            ("what is next to the church?", "what is"),
             ("go to the church or around the pond", "or around the pond"),
             ("stay at the church for 10 seconds", "for 10 seconds"),
             ("keep low and go to the bus", "low"),
