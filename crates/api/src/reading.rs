@@ -372,11 +372,20 @@ mod tests {
                 "keep 3 metres away from the taxi",
                 "`keep 3 metres away from the taxi` alone is no destination; say where to fly too",
             ),
+            ("go to the lamp in the car park", "no use for \"in the car park\""),
             ("fly to the roof of the church", "no use for \"roof\""),
             ("go to the opposite side of the taxi", "no use for \"opposite side\""),
         ] {
             let refused = lines(text, &city, None, Given::AsArgument, false).map_err(Error::from).unwrap_err().to_string();
             assert!(refused.contains(named), "{text}: {refused}");
+        }
+        // A verb that ends a name is none, and tags tell what is in the car park.
+        for (text, read) in [
+            ("first the church, then the bus stop", "reads: fly to → cream church; then fly to → grey bus stop"),
+            ("stop in front of the bus", "reads: fly to → red bus"),
+            ("go to the red car in the car park", "reads: fly to → red car"),
+        ] {
+            assert_eq!(lines(text, &city, None, Given::AsArgument, false).unwrap(), [read], "{text}");
         }
     }
 

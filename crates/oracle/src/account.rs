@@ -12,9 +12,9 @@ use super::language::lexicon::{ADJECTIVES, NOUNS};
 use super::language::manner;
 use super::language::pieces::{begins_condition, condition, corrects, filler};
 use super::language::resolve::{meant, meant_by};
-use super::language::score::{evident, vocabulary};
+use super::language::score::{evident, is_in, vocabulary};
 use super::language::turns::CARDINALS;
-use super::language::{Instruction, Order, Phrase, Side, Verb, is_other_order, parse_rest};
+use super::language::{Instruction, Order, Phrase, Relation, Side, Verb, is_other_order, parse_rest};
 use super::limits::limits;
 use super::place::{Placed, Viewpoint};
 use super::reading::each_within;
@@ -76,6 +76,9 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
     for condition in conditions(&words).into_iter().filter(|condition| reader.is_same_without(condition, &words, &whole)) {
         let is_unused = !reader.is_search(&words[condition.clone()]);
         condition.for_each(|at| unused[at] = is_unused);
+    }
+    for place in reader.untold_places(&words, &whole) {
+        place.for_each(|at| unused[at] = true);
     }
     Account { dropped, unused: parts(&words, &unused) }
 }
@@ -233,6 +236,32 @@ impl<'a> Reader<'a> {
     /// The word as it is read.
     fn correct(&self, token: &str) -> String {
         super::language::lex::tokens(token, &self.scene).into_iter().next().unwrap_or_else(|| token.to_owned())
+    }
+
+    /// The words that choose by the ground on which things stand, "in the car park", where no tag says which of them do: what an image
+    /// shows nearest to it may be elsewhere.
+    fn untold_places(&self, words: &[&str], whole: &Read<'_>) -> Vec<Range<usize>> {
+        let (at_word, tokens) = tokens_of(words);
+        let is_untold = |target: &Phrase, place: &Phrase| {
+            let grounds = meant(place, &self.items);
+            let all = meant(&Phrase { relations: Vec::new(), ..target.clone() }, &self.items);
+            let is_ground = !grounds.is_empty() && grounds.iter().all(|&at| self.items[at].tags.is_surface());
+            is_ground && all.len() > 1 && !all.iter().any(|&at| is_in(place, self.items[at].tags))
+        };
+        let said = |place: &Phrase| {
+            let is_named =
+                |at: &usize| tokens[*at..].iter().map(|token| singular(token)).take(place.nouns.len()).eq(place.nouns.clone());
+            let named = (0..tokens.len()).rev().find(is_named)?;
+            let lead = tokens[..named].iter().rposition(|token| matches!(token.as_str(), "in" | "on" | "inside"))?;
+            (named <= lead + 3).then(|| at_word[lead]..at_word[named + place.nouns.len() - 1] + 1)
+        };
+        let targets = whole.parse.clauses.iter().map(|clause| &clause.target);
+        let places = targets.flat_map(|target| target.relations.iter().map(move |relation| (target, relation)));
+        let untold = places.filter_map(|(target, (relation, anchors))| match (relation, anchors.as_slice()) {
+            (Relation::On, [place]) if !place.nouns.is_empty() && is_untold(target, place) => said(place),
+            _ => None,
+        });
+        untold.collect()
     }
 
     /// Whether a stage asks for something ("then return to the start") without which the instruction means the same. How a
