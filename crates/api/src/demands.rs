@@ -4,7 +4,7 @@
 use spf_core::craft::Craft;
 use spf_core::time::Duration;
 use spf_envelope::Limits;
-use spf_oracle::limits::{Demand, LimitWords, limits};
+use spf_oracle::limits::{Demand, LANDING_ON, LimitWords, limits};
 use spf_pilot::PilotSettings;
 
 use crate::error::{Error, one_line, quoted};
@@ -35,19 +35,28 @@ pub fn tighten(
     envelope: &mut Limits,
     method: &mut PilotSettings,
 ) -> Result<Vec<String>, Error> {
-    let (found, _) = limits(instruction);
+    let (found, rest) = limits(instruction);
     let mut lines = Vec::new();
     for LimitWords { words, demand } in &found {
         match kept(*demand, beginning, envelope, method) {
             Ok(line) => lines.push(format!("limit: \"{}\": {line}", one_line(words))),
-            Err(why) if anyway => lines.push(format!("not heeded: \"{}\": {why}", one_line(words))),
+            Err(why) if anyway || *demand == Demand::Fast => lines.push(format!("not heeded: \"{}\": {why}", one_line(words))),
             Err(why) => {
-                return Err(Error::usage(format!("cannot keep to \"{}\": {why}", one_line(words)))
-                    .hint("leave it out, or fly without it with --anyway (docs/guide/fly.md, \"Limits within the words\")"));
+                return Err(Error::usage(format!("cannot keep to \"{}\": {why}", one_line(words))).hint(without(*demand, &rest)));
             }
         }
     }
     Ok(lines)
+}
+
+/// What to do about a demand that cannot be kept. `rest`: the instruction without its demands.
+fn without(demand: Demand, rest: &str) -> String {
+    let leave = "leave it out, or fly without it with --anyway (docs/guide/fly.md, \"Limits within the words\")";
+    if demand != Demand::Unmeasured(LANDING_ON) {
+        return leave.to_owned();
+    }
+    let rest: Vec<&str> = rest.split_whitespace().collect();
+    format!("to land at it, beside it or on it, say `spf fly \"{}\" --at-end land`", one_line(&rest.join(" ")))
 }
 
 /// Refuses limits in an instruction that is given in flight: the envelope of a flight is fixed at take-off.
@@ -55,7 +64,8 @@ pub fn tighten(
 /// # Errors
 /// A usage error that names them.
 pub(crate) fn refuse_in_flight(instruction: &str) -> Result<(), Error> {
-    let words: Vec<String> = limits(instruction).0.into_iter().map(|limit| limit.words).collect();
+    let demands = limits(instruction).0.into_iter().filter(|limit| limit.demand != Demand::Fast);
+    let words: Vec<String> = demands.map(|limit| limit.words).collect();
     if words.is_empty() {
         return Ok(());
     }
@@ -76,6 +86,7 @@ fn kept(demand: Demand, from: Beginning<'_>, envelope: &mut Limits, method: &mut
         }
         Demand::Speed(most) => slower(most, envelope),
         Demand::Slow => slower(SLOWLY * envelope.max_speed.min(from.craft.cruise_speed), envelope),
+        Demand::Fast => return Err(format!("the craft flies at its usual speed, at most {:.1} m/s", envelope.max_speed)),
         Demand::Distance(most) => {
             envelope.max_distance = envelope.max_distance.min(most);
             format!("at most {:.0} m from the take-off point", envelope.max_distance)
@@ -135,12 +146,18 @@ mod tests {
             ("go to the bus, never fly over people", "what is below it"),
             ("go to the bus, below 3 m", "takes off to such a height"),
             ("go to the bus without hitting anything", "obstacle mode is off"),
+            ("land on the bus", "on what it lands"),
         ] {
             let refused = tightened(text, false).0.unwrap_err().to_string();
             assert!(refused.contains(why), "{text}: {refused}");
             let flown = tightened(text, true).0.unwrap();
             assert!(flown[0].starts_with("not heeded: ") && flown[0].contains(why), "{text}: {flown:?}");
         }
+        let landing = tightened("land on the landing pad", false).0.unwrap_err();
+        assert!(landing.to_string().contains("spf fly \"fly to the landing pad\" --at-end land"), "{landing}");
+        let wish = tightened("go quickly to the bus", false);
+        assert!(wish.0.unwrap()[0].starts_with("not heeded: \"quickly\"") && wish.1 == Limits::for_craft(&Craft::quad()));
+        assert!(refuse_in_flight("go quickly to the bus").is_ok());
         assert!(refuse_in_flight("go slowly to the bus").is_err() && refuse_in_flight("go to the bus").is_ok());
     }
 }

@@ -98,7 +98,8 @@ pub fn lines(
     let Account { dropped, mut unused } = account(instruction, &objects, from);
     // A step of which nothing is understood could only be searched for in vain.
     let strange = reading.steps.iter().filter(|step| !step.is_understood()).map(|step| step.target.clone());
-    unused.extend(strange.filter(|words| !words.is_empty() && !unused.contains(words)).collect::<Vec<_>>());
+    let is_new = |words: &String| !words.is_empty() && !unused.iter().any(|part| part.contains(words.as_str()));
+    unused.extend(strange.filter(is_new).collect::<Vec<_>>());
     let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
     let reads = format!("reads: {}", steps.join("; then "));
     if !unused.is_empty() && !anyway {
@@ -283,17 +284,25 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
         .map(unknown_word)
         .collect();
     let directions: Vec<String> = reading.directions.iter().map(|words| format!("`{}`", one_line(words))).collect();
-    let why = match (unknown.is_empty(), directions.is_empty()) {
-        (false, _) => unknown.join(", "),
-        (true, false) => format!("{} names no object to fly to", directions.join(", ")),
-        (true, true) => "it names no object to fly to".to_owned(),
+    let things = || loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
+    let typed = |target: &String| !target.is_empty() && instruction.to_lowercase().contains(target.as_str());
+    let nothing = reading.steps.iter().map(|step| one_line(&step.target)).find(typed);
+    let limit = limits(instruction).0.first().filter(|_| reading.steps.is_empty()).map(|limit| one_line(&limit.words));
+    let why = match (unknown.is_empty(), directions.is_empty(), nothing, limit) {
+        (false, ..) => unknown.join(", "),
+        (true, false, ..) => format!("{} names no object to fly to", directions.join(", ")),
+        (true, true, Some(nothing), _) => format!("`{nothing}` is no object that the oracle knows"),
+        (true, true, None, Some(limit)) => {
+            let to = things().next().unwrap_or_default();
+            format!("`{limit}` alone is no destination; say where to fly too, as in \"fly to the {to}, keep 3 m away\"")
+        }
+        (true, true, None, None) => "it names no object to fly to".to_owned(),
     };
     // One unknown word is a slip or a name; several without a known one are another language.
     let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
     let advice = if unknown.is_empty() { format!("name an object ({}); ", given.advice()) } else { String::new() };
     let mut seen = BTreeSet::new();
-    let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
-    let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
+    let examples: Vec<String> = things().filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
     Error::usage(format!("the oracle{language} cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
         "{advice}objects in {scene} include: {}; `spf sim scenes {scene} --say` lists what can be said",
         examples.join(", "),
@@ -334,6 +343,7 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
         (None, _) if target.is_empty() => verb.to_owned(),
         (None, _) => match step.unknown.first() {
             Some(unknown) => format!("{verb} → {target} ({})", unknown_word(unknown)),
+            None if !step.is_understood() => format!("{verb} → {target} (no object that the oracle knows)"),
             None if step.alike.is_empty() => {
                 format!("{verb} → {target} (not in this scene; the drone will search for it)")
             }
@@ -348,6 +358,36 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_not_flown_is_named_as_it_was_typed() {
+        let city = LoadedScene::load("city").unwrap();
+        for (text, named) in [
+            ("hover for a minute", "`minute` is no object"),
+            ("go everywhere except the bridge", "`everywhere` is no object"),
+            ("go to the church and wait a minute", "no use for \"minute\" in"),
+            ("quickly", "`quickly` alone is no destination"),
+            ("what's behind the church", "no use for \"what's\""),
+            (
+                "keep 3 metres away from the taxi",
+                "`keep 3 metres away from the taxi` alone is no destination; say where to fly too",
+            ),
+            ("go to the lamp in the car park", "no use for \"in the car park\""),
+            ("fly to the roof of the church", "no use for \"roof\""),
+            ("go to the opposite side of the taxi", "no use for \"opposite side\""),
+        ] {
+            let refused = lines(text, &city, None, Given::AsArgument, false).map_err(Error::from).unwrap_err().to_string();
+            assert!(refused.contains(named), "{text}: {refused}");
+        }
+        // A verb that ends a name is none, and tags tell what is in the car park.
+        for (text, read) in [
+            ("first the church, then the bus stop", "reads: fly to → cream church; then fly to → grey bus stop"),
+            ("stop in front of the bus", "reads: fly to → red bus"),
+            ("go to the red car in the car park", "reads: fly to → red car"),
+        ] {
+            assert_eq!(lines(text, &city, None, Given::AsArgument, false).unwrap(), [read], "{text}");
+        }
+    }
 
     #[test]
     fn an_instruction_in_flight_is_read_and_one_that_says_nothing_is_not_flown() {

@@ -174,7 +174,7 @@ impl Summary {
     /// `said_done`: it had said so before a limit ended the flight, but was not believed.
     pub(crate) fn tell_truth(&mut self, said_done: bool) {
         if self.outcome == Outcome::Reached && self.verified != Some(true) && self.cause == FULFILLED {
-            let early = if self.verified == Some(false) { ", too early or at something else" } else { "" };
+            let early = doubt(self.verified, self.settings.stand_off_m, self.final_distance_m);
             self.cause = format!("the VLM reports the instruction as fulfilled{early}");
         }
         if self.is_at_target() {
@@ -188,5 +188,33 @@ impl Summary {
     pub fn title(&self) -> String {
         let all: Vec<&str> = self.earlier_instructions.iter().chain([&self.instruction]).map(String::as_str).collect();
         all.join(" → ")
+    }
+}
+
+/// What ground truth adds to a VLM's report of fulfilment; `asked` is the distance from the target that the instruction keeps.
+fn doubt(verified: Option<bool>, asked: Option<f64>, distance: Option<f64>) -> String {
+    match (verified, asked, distance) {
+        (Some(false), Some(asked), Some(distance)) if distance < asked => {
+            format!(", {distance:.2} m away, nearer than the {asked} m asked")
+        }
+        (Some(false), ..) => ", too early or at something else".to_owned(),
+        _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_comes_nearer_than_asked_is_told_so() {
+        for (verified, asked, distance, words) in [
+            (Some(false), Some(3.0), Some(2.4), ", 2.40 m away, nearer than the 3 m asked"),
+            (Some(false), Some(3.0), Some(9.0), ", too early or at something else"),
+            (Some(false), None, Some(2.4), ", too early or at something else"),
+            (None, Some(3.0), None, ""),
+        ] {
+            assert_eq!(doubt(verified, asked, distance), words);
+        }
     }
 }

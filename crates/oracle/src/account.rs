@@ -7,14 +7,14 @@ use std::ops::Range;
 
 use super::chatter::{is_function, is_slip_of_function, without_chatter};
 use super::language::item::Item;
-use super::language::lex::{adds_nothing, is_harmless, is_looking, is_thing, is_verb, raw_tokens, singular};
+use super::language::lex::{adds_nothing, is_looking, is_thing, is_verb, raw_tokens, singular};
 use super::language::lexicon::{ADJECTIVES, NOUNS};
 use super::language::manner;
 use super::language::pieces::{begins_condition, condition, corrects, filler};
 use super::language::resolve::{meant, meant_by};
-use super::language::score::{evident, vocabulary};
+use super::language::score::{evident, is_in, vocabulary};
 use super::language::turns::CARDINALS;
-use super::language::{Instruction, Order, Phrase, Side, Verb, is_other_order, parse_rest};
+use super::language::{Instruction, Order, Phrase, Relation, Side, Verb, is_other_order, parse_rest};
 use super::limits::limits;
 use super::place::{Placed, Viewpoint};
 use super::reading::each_within;
@@ -51,6 +51,7 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
             .max(time)
             .max(manner::picture(tokens, at))
             .max(manner::duration(rest))
+            .max(manner::question(rest))
             .max(other_order(tokens, at))
     });
     let taken_back = taken_back(&words);
@@ -59,7 +60,9 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
         !taken_back[at]
             && !tokens.is_empty()
             && (manner[at]
-                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token) || is_side_of(token, &words, at))
+                || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token))
+                || is_side_of(&words, at)
+                || SIDES.contains(&words[at]) && is_side_of(&words, at + 1)
                 || (tokens.iter().any(|token| is_part(token, &words, at) || reader.has_content(&reader.correct(token)))
                     && !reader.uses(&tokens, &words, at, &whole)))
     };
@@ -73,6 +76,9 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
     for condition in conditions(&words).into_iter().filter(|condition| reader.is_same_without(condition, &words, &whole)) {
         let is_unused = !reader.is_search(&words[condition.clone()]);
         condition.for_each(|at| unused[at] = is_unused);
+    }
+    for place in reader.untold_places(&words, &whole) {
+        place.for_each(|at| unused[at] = true);
     }
     Account { dropped, unused: parts(&words, &unused) }
 }
@@ -232,6 +238,32 @@ impl<'a> Reader<'a> {
         super::language::lex::tokens(token, &self.scene).into_iter().next().unwrap_or_else(|| token.to_owned())
     }
 
+    /// The words that choose by the ground on which things stand, "in the car park", where no tag says which of them do: what an image
+    /// shows nearest to it may be elsewhere.
+    fn untold_places(&self, words: &[&str], whole: &Read<'_>) -> Vec<Range<usize>> {
+        let (at_word, tokens) = tokens_of(words);
+        let is_untold = |target: &Phrase, place: &Phrase| {
+            let grounds = meant(place, &self.items);
+            let all = meant(&Phrase { relations: Vec::new(), ..target.clone() }, &self.items);
+            let is_ground = !grounds.is_empty() && grounds.iter().all(|&at| self.items[at].tags.is_surface());
+            is_ground && all.len() > 1 && !all.iter().any(|&at| is_in(place, self.items[at].tags))
+        };
+        let said = |place: &Phrase| {
+            let is_named =
+                |at: &usize| tokens[*at..].iter().map(|token| singular(token)).take(place.nouns.len()).eq(place.nouns.clone());
+            let named = (0..tokens.len()).rev().find(is_named)?;
+            let lead = tokens[..named].iter().rposition(|token| matches!(token.as_str(), "in" | "on" | "inside"))?;
+            (named <= lead + 3).then(|| at_word[lead]..at_word[named + place.nouns.len() - 1] + 1)
+        };
+        let targets = whole.parse.clauses.iter().map(|clause| &clause.target);
+        let places = targets.flat_map(|target| target.relations.iter().map(move |relation| (target, relation)));
+        let untold = places.filter_map(|(target, (relation, anchors))| match (relation, anchors.as_slice()) {
+            (Relation::On, [place]) if !place.nouns.is_empty() && is_untold(target, place) => said(place),
+            _ => None,
+        });
+        untold.collect()
+    }
+
     /// Whether a stage asks for something ("then return to the start") without which the instruction means the same. How a
     /// flight ends is known without words.
     fn is_stage_without_effect(&self, stage: &Range<usize>, words: &[&str], whole: &Read<'_>) -> bool {
@@ -247,7 +279,7 @@ impl<'a> Reader<'a> {
         let tokens: Vec<String> = words.iter().flat_map(|word| raw_tokens(word)).collect();
         let fails = tokens.iter().any(|token| token == "not" || (token.len() > 3 && token.ends_with("nt")) || token == "cannot");
         // The words of a scene include those of "black and white".
-        let names = |token: &String| !is_harmless(token) && (is_thing(&singular(token)) || self.scene.contains(&singular(token)));
+        let names = |token: &String| !is_function(token) && (is_thing(&singular(token)) || self.scene.contains(&singular(token)));
         fails && tokens.iter().any(|token| is_looking(token)) && !tokens.iter().any(names)
     }
 
@@ -308,8 +340,8 @@ impl<'a> Reader<'a> {
 
 /// Whether the word asks for a side of its object: "the other side of the canal", but not "the house on the far side of the church",
 /// which is a relation.
-fn is_side_of(token: &str, words: &[&str], at: usize) -> bool {
-    if !matches!(token, "side" | "back" | "rear") || words.get(at + 1) != Some(&"of") {
+fn is_side_of(words: &[&str], at: usize) -> bool {
+    if !matches!(words.get(at), Some(&("side" | "back" | "rear"))) || words.get(at + 1) != Some(&"of") {
         return false;
     }
     let told = |word: &&&str| raw_tokens(word).iter().any(|token| !is_function(token) && !SIDES.contains(&token.as_str()));
@@ -420,9 +452,18 @@ fn parts(words: &[&str], unused: &[bool]) -> Vec<String> {
         }
         last = Some(at);
     }
-    let bare = |part: String| part.trim_matches(|c: char| !c.is_alphanumeric()).to_owned();
-    parts.into_iter().map(bare).collect()
+    parts.iter().map(|part| bare(part).to_owned()).collect()
 }
+
+/// A part without what it hangs on by: "roof" of "to the roof", but "from above" and "in the car park".
+fn bare(part: &str) -> &str {
+    let part = part.trim_matches(|c: char| !c.is_alphanumeric());
+    let rest = part.split_once(' ').filter(|(first, _)| HANGING.contains(&first.to_lowercase().as_str()));
+    rest.map_or(part, |(_, rest)| bare(rest))
+}
+
+/// Words before a part that belong to what is used: to the verb, or to nothing.
+const HANGING: [&str; 9] = ["a", "an", "the", "of", "to", "its", "their", "into", "onto"];
 
 /// Start of the small words before a word.
 fn before(words: &[&str], at: usize) -> usize {
@@ -487,13 +528,14 @@ mod tests {
     #[test]
     fn a_part_that_changes_nothing_is_named() {
         for (instruction, part) in [
-            ("fly to the roof of the church", "to the roof"),
+            ("fly to the roof of the church", "roof"),
             ("I'd like to see the church behind you", "behind"),
-            ("fly to the other side of the pond", "side"),
-            ("go to the back of the church", "to the back"),
+            ("fly to the other side of the pond", "other side"),
+            ("go to the opposite side of the bus", "opposite side"),
+            ("go to the back of the church", "back"),
             ("show me the pond from above", "from above"),
-            ("follow the road to the bus", "to the bus"),
-            ("fly to the top of the red crane", "to the top"),
+            ("follow the road to the bus", "bus"),
+            ("fly to the top of the red crane", "top"),
             ("fly around the church three times", "three times"),
             ("fly to the red crane, then around the church twice", "twice"),
             ("go to the bus and then return to the start", "return to the start"),
@@ -510,11 +552,14 @@ mod tests {
             ("if you see a bus, go to the church", "if you see a bus"),
             ("go to the church if you see a bus", "if you see a bus"),
             ("go to the pond, if you cannot find it, go to the church", "if you cannot find it, go to the church"),
-            ("fly to the left of the church", "to the left"),
+            ("fly to the left of the church", "left"),
             ("fly on top of the church", "on top"),
             ("wash the bus", "wash"),
             ("when you see a bus go to the church", "when you see a bus"),
             ("hover at the church for five minutes", "for five minutes"),
+            ("hover at the church for a minute", "for a minute"),
+            ("what's behind the church", "what's"),
+            ("what is next to the church?", "what is"),
             ("go to the church or around the pond", "or around the pond"),
             ("stay at the church for 10 seconds", "for 10 seconds"),
             ("keep low and go to the bus", "low"),

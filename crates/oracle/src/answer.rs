@@ -12,7 +12,7 @@ use super::language::Phrase;
 use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
-use super::language::resolve::meant;
+use super::language::resolve::{is_elsewhere, meant};
 use super::limits::{NEAR_STAND_OFF, stand_off};
 use super::percept::{Percept, logistic};
 use super::sight::{PerceivedObject, slopes};
@@ -49,7 +49,14 @@ pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
         Some(brief) => brief.instruction(),
         None => parse(&query.instruction, &percept.words),
     };
-    signs::obeyed(&view).unwrap_or_else(|| stages::aim(&own(), &view))
+    let mut aim = signs::obeyed(&view).unwrap_or_else(|| stages::aim(&own(), &view));
+    // The sails of a windmill reach out in front of the tower, at which one points: who keeps a distance keeps it from these.
+    if let (Some(_), Some(place)) = (stand_off, &mut aim.place)
+        && let Some(thing) = seen.iter().find(|thing| Some(&thing.tags.key) == aim.target.as_ref())
+    {
+        place.range = place.range.min(thing.nearest);
+    }
+    aim
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {
@@ -195,6 +202,7 @@ impl Inputs<'_> {
                 found.retain(|&i| last == Some(&items[i].tags.words()));
             }
         }
+        self.keep_placed(phrase, &mut found, &items);
         if found.iter().any(|&i| fits(self.seen[i])) {
             found.retain(|&i| fits(self.seen[i]));
         }
@@ -215,7 +223,15 @@ impl Inputs<'_> {
 
     /// All objects that a phrase may mean in this image.
     pub(super) fn all(&self, phrase: &Phrase) -> Vec<&PerceivedObject> {
-        meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
+        let items = self.items();
+        let mut found = meant(phrase, &items);
+        self.keep_placed(phrase, &mut found, &items);
+        found.into_iter().map(|i| self.seen[i]).collect()
+    }
+
+    /// Keeps those that are in the place where the phrase says, as the ground truth does, which sees the whole scene.
+    fn keep_placed(&self, phrase: &Phrase, found: &mut Vec<usize>, items: &[Item<'_>]) {
+        found.retain(|&i| !is_elsewhere(phrase, items[i].tags, &self.percept.placed));
     }
 
     /// The objects of `found` with a number in their name; `None` if no visible object has one.

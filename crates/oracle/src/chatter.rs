@@ -7,7 +7,7 @@ use regex_lite::Regex;
 use serde::Deserialize;
 
 use crate::language::lex::{is_right, is_thing, is_verb, raw_tokens, singular};
-use crate::language::lexicon::ADJECTIVES;
+use crate::language::lexicon::{ADJECTIVES, PHRASES};
 use crate::language::spelling;
 
 /// `chatter.toml`.
@@ -87,12 +87,13 @@ fn tells(words: &[&str], scene: &BTreeSet<String>) -> bool {
         let is_named = scene.contains(&plain) || (is_thing(&plain) && !is_verb(&token));
         let is_told =
             is_named || is_rank || ADJECTIVES.colours.plain(&token).is_some() || ADJECTIVES.ordinals.contains_key(&token);
-        !is_function(&token) && !HOLDING.contains(&token.as_str()) && (is_told || matches!(token.as_str(), "left" | "right"))
+        let is_anyway = PHRASES.anyway.contains(&token) || HOLDING.contains(&token.as_str());
+        !is_function(&token) && !is_anyway && (is_told || matches!(token.as_str(), "left" | "right"))
     })
 }
 
-/// What a drone does at the end of a flight anyway, and no thing in such a phrase: no bus stop, no car park.
-const HOLDING: [&str; 8] = ["stop", "land", "park", "hold", "hover", "wait", "stay", "rest"];
+/// What else a drone does at the end of a flight anyway, and no thing in such a phrase: no car park.
+const HOLDING: [&str; 4] = ["park", "hold", "stay", "rest"];
 
 #[cfg(test)]
 mod tests {
@@ -110,7 +111,7 @@ mod tests {
             ("go to the man, I think he needs help", "go to the man,", "I think he needs help"),
             ("Lovely day isn't it. Go to the church", ". Go to the church", "Lovely day isn't it"),
             ("go to the church over there and stop", "go to the church", "over there|and stop"),
-            ("Go check if they're ok, quick", ",", "Go check if they're ok|quick"),
+            ("Go check if they're ok, right away", ",", "Go check if they're ok|right away"),
             ("fly into the shed and see what's in there", "fly into the shed", "and see what's in there"),
         ] {
             let dropped: Vec<String> = dropped.split('|').map(str::to_owned).collect();

@@ -26,6 +26,8 @@ pub enum Demand {
     Speed(f64),
     /// Slower than usual.
     Slow,
+    /// As fast as possible, which is no limit.
+    Fast,
     /// At most this far from the take-off point, metres.
     Distance(f64),
     /// At most this long, seconds.
@@ -138,6 +140,9 @@ pub fn limits(instruction: &str) -> (Vec<LimitWords>, String) {
     (found, rest)
 }
 
+/// Why an instruction to land on something is refused, as in `limits.toml`.
+pub const LANDING_ON: &str = "on what it lands: it lands below where the flight ends";
+
 /// Where an instruction keeps a distance from its target, within this multiple of it the target is near.
 pub const NEAR_STAND_OFF: f64 = 1.6;
 
@@ -178,6 +183,7 @@ fn demanded(limit: &str, found: &Captures<'_>) -> Option<Demand> {
         "height" => Demand::Height(value()?),
         "speed" => Demand::Speed(value()?),
         "slow" => Demand::Slow,
+        "fast" => Demand::Fast,
         "distance" => Demand::Distance(value()?),
         "time" => Demand::Time(value()?),
         "stand-off" => Demand::StandOff(value()?),
@@ -251,6 +257,8 @@ mod tests {
             ),
             ("slowly fly to the bus", "slowly", Demand::Slow, "fly to the bus"),
             ("fly to the bus, nice and slow", "nice and slow", Demand::Slow, "fly to the bus"),
+            ("fly to the bus as quickly as possible", "as quickly as possible", Demand::Fast, "fly to the bus"),
+            ("fly to the bus, not too fast", "not too fast", Demand::Slow, "fly to the bus"),
             ("fly to the bus at most 2 km/h", "at most 2 km/h", Demand::Speed(2.0 / 3.6), "fly to the bus"),
             (
                 "find the bus but not further than 40 m from here",
@@ -303,7 +311,7 @@ mod tests {
             ("go to the bus, keep to the left of the road", "side"),
             ("go to the sofa. Stay at least 1 meter away from anyone you meet", "distance to anything"),
             ("go to the bus, avoid the trees", "distance to anything"),
-            ("go to the desk and land on it", "on what it lands"),
+            ("go to the desk and land on it", LANDING_ON),
             ("go near the pond but avoid the trees and fly to the bus", "distance to anything"),
         ] {
             let (found, rest) = limits(text);
@@ -330,6 +338,7 @@ mod tests {
             "fly under the bridge",
             "fly to the person without a hat",
             "the car not next to the van",
+            "find something to sit on",
             "no, go to the church",
         ] {
             assert_eq!(limits(text), (vec![], text.to_owned()));

@@ -39,6 +39,8 @@ pub struct Percept {
     pub(super) signs: Vec<PerceivedSign>,
     /// All words of the scene's tags, visible or not, so that an instruction is read alike in every frame.
     pub(super) words: BTreeSet<String>,
+    /// Those of the scene's objects that belong to a place, visible or not: where a thing belongs is told by tags alone.
+    pub(super) placed: Vec<Tagged>,
 }
 
 impl Percept {
@@ -57,7 +59,8 @@ impl Percept {
         let (signs, obstacles) = rayon::join(|| perceived(sight, &things), || obstacles(errors, seed, frame.0, sight, &things));
         let words = vocabulary(tags.iter());
         let (ahead, open) = (walls.room(sight.camera.cx), walls.most_open(level));
-        Self { frame, camera: *sight.camera, level, ahead, open, things, obstacles, signs, words }
+        let placed = tags.iter().filter(|tags| tags.group.is_some()).cloned().collect();
+        Self { frame, camera: *sight.camera, level, ahead, open, things, obstacles, signs, words, placed }
     }
 
     /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].

@@ -111,11 +111,10 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
         let alike = if candidates.is_empty() { alike(&target, objects, &items) } else { Vec::new() };
         let names_something = match () {
             () if verb == Verb::Scan => true,
-            // "Play some music" has no target, "fly to the music" does.
+            // "Play the piano" has no target.
             () if order == Order::Other => false,
-            () if !target.nouns.is_empty() => {
-                order == Order::Flight || target.nouns.iter().any(|noun| is_thing(noun) || scene.contains(noun))
-            }
+            // A minute, and music, are nothing that one could see.
+            () if !target.nouns.is_empty() => target.nouns.iter().any(|noun| is_thing(noun) || scene.contains(noun)),
             // "What should I cook" has none either, "somewhere to cook" does.
             () if !target.uses.is_empty() => target.written.iter().any(|word| NOUNS.vague.contains(word)),
             () => !target.is_empty(),

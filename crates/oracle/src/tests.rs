@@ -212,6 +212,40 @@ fn what_is_absent_is_not_visible_and_never_something_else() {
 }
 
 #[test]
+fn what_belongs_to_a_place_is_told_by_its_tags_whatever_is_in_view() {
+    let in_car_park =
+        |id: u16, name: &str, colour: &str| Tagged { group: Some("car park".to_owned()), ..tagged(id, name, name, colour) };
+    let avenue = || Painting::new().with(tagged(1, "car", "car", "red"), 400..500, 300..400, 20.0);
+    // What the image does not show has tags all the same.
+    let hidden = |painting: Painting| painting.with(in_car_park(2, "car", "red"), 0..0, 0..0, 20.0);
+    let ground = in_car_park(3, "car park", "grey");
+    let mut turned = query(0, POINT, "go to the red car in the car park");
+    turned.memory.turned = 7.0;
+    let oracle = oracle("perfect");
+    for painting in [hidden(avenue()), hidden(avenue()).with(ground.clone(), 600..960, 400..600, 30.0)] {
+        assert_eq!(ask(&oracle, &painting, &turned).status, Status::NotVisible);
+    }
+    let shown = avenue().with(in_car_park(2, "car", "red"), 700..780, 400..450, 30.0);
+    let point = ask(&oracle, &shown, &turned).point.unwrap();
+    assert!(point.u > 0.7, "{point:?}");
+    // A scene that says nothing of the place leaves it to the image.
+    let alone = avenue().with(ground, 600..960, 400..600, 30.0);
+    assert_eq!(ask(&oracle, &alone, &query(0, POINT, "go to the red car in the car park")).status, Status::Navigating);
+}
+
+#[test]
+fn a_distance_is_kept_from_what_reaches_out_in_front() {
+    let mill = tagged(1, "windmill", "building", "white");
+    let painting = Painting::new()
+        .with(mill.clone(), 300..600, 100..160, 10.0)
+        .with(mill, 400..500, 160..600, 30.0)
+        .named(1, "sails", false, 300..600, 100..160)
+        .named(1, "tower", true, 400..500, 160..600);
+    let label = |words: &str| ask(&oracle("perfect"), &painting, &query(0, POINT, words)).depth.unwrap();
+    assert_eq!([label("go to the windmill"), label("go to the windmill and stay 3 m away")], [8, 6]);
+}
+
+#[test]
 fn an_object_cut_by_the_edge_is_looked_for_beyond_it() {
     let oracle = oracle("perfect");
     let mut painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 0..20, 300..400, 9.0);

@@ -39,6 +39,8 @@ pub(crate) struct Target {
     given_up: Option<EnuPosition>,
     /// Distance from a target's surface at which the craft stops, metres: well within what counts as reached, and clear of it.
     stop: f64,
+    /// Whether the instruction keeps a distance from it.
+    stands_off: bool,
     /// Somebody who is followed; `None` if nothing tracks.
     pub(crate) following: Option<Following>,
 }
@@ -75,6 +77,7 @@ impl Target {
             gate: None,
             given_up: None,
             stop,
+            stands_off: settings.stand_off_m.is_some(),
             following: steering.map(|steering| Following::new(settings, steering)),
         }
     }
@@ -179,10 +182,11 @@ impl Target {
     ) -> Option<Lead> {
         let sight = anchor.seen_from(from, here.odometry);
         let heading = from.bearing_to(sight.position);
+        let stop = self.stop_before(sight.range_sd);
         let last = LAST_STEP.min(sight.range - 2.0 * sight.range_sd - self.stop);
         let step = if sight.is_sure() { sight.step_limit().max(last) } else { unsure };
         let bearing = here.at.bearing_to(sight.position);
-        let wanted = step.min(sight.range - self.stop).max(0.0);
+        let wanted = step.min(sight.range - stop).max(0.0);
         if wanted < FLOWN || anchor.is_passed(here.at, here.odometry) {
             return Some(Lead::Turn(bearing));
         }
@@ -191,12 +195,19 @@ impl Target {
         Some(if reach < FLOWN { Lead::Turn(bearing) } else { Lead::Fly { from, reach, goal, bearing } })
     }
 
+    /// Distance before a target whose range is known with this standard deviation at which the craft stops: where the instruction keeps
+    /// a distance, that is kept unless the range is far off.
+    fn stop_before(&self, range_sd: f64) -> f64 {
+        self.stop + if self.stands_off { 2.0 * range_sd } else { 0.0 }
+    }
+
     /// The part of a motion that comes no nearer to the anchor than the craft may.
     fn short_of(&self, anchor: &Anchor, here: Here, from: EnuPosition, motion: Move) -> Move {
         let sight = anchor.seen_from(from, here.odometry);
         let Primitives { forward, right, climb, .. } = motion.primitives;
         let own = libm::hypot(libm::hypot(forward, right), climb);
-        let part = if sight.is_sure() { ((sight.range - self.stop).max(0.0) / own.max(1e-6)).min(1.0) } else { 1.0 };
+        let stop = self.stop_before(sight.range_sd);
+        let part = if sight.is_sure() { ((sight.range - stop).max(0.0) / own.max(1e-6)).min(1.0) } else { 1.0 };
         let primitives = Primitives { forward: part * forward, right: part * right, climb: part * climb, ..motion.primitives };
         Move { primitives, ..motion }
     }

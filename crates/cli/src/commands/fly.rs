@@ -13,6 +13,7 @@ pub(crate) mod settings;
 pub(crate) mod signals;
 mod simulated;
 
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -268,7 +269,7 @@ fn hints(summary: &Summary) -> Vec<String> {
             "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)";
         hints.push(sensor.to_owned());
     }
-    if summary.targets.is_empty() && is_simulated {
+    if summary.targets.is_empty() && is_simulated && names_a_target(&summary.instruction) {
         let none = "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects";
         hints.push(none.to_owned());
     }
@@ -310,6 +311,12 @@ fn hints(summary: &Summary) -> Vec<String> {
         _ => {}
     }
     hints
+}
+
+/// Whether the last step goes to something: "turn around" has no target that a scene could lack.
+fn names_a_target(instruction: &str) -> bool {
+    let read = spf_oracle::language::parse(instruction, &BTreeSet::new());
+    read.clauses.last().is_none_or(|step| !step.target.is_empty())
 }
 
 /// How the limit that refused the motion may be widened.

@@ -9,7 +9,7 @@ use super::manner;
 use super::meaning::{Order, Relation, Verb};
 use super::motion::is_motion;
 use super::phrase::{Ordinal, Phrase};
-use super::pieces::{filler, in_order, pieces};
+use super::pieces::{ends_name, filler, in_order, pieces};
 use super::settle::Words;
 use super::verbs::starts_verb;
 use crate::chatter::without_chatter;
@@ -240,7 +240,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     }
     let verb = (0..words.len()).find_map(|at| {
         let subordinate = at > 0 && PHRASES.subordinating.contains(&words[at - 1]) && !leads_in(&words[..at]);
-        let noun = at > 0 && (words[at - 1] == "the" || words[at - 1] == "a");
+        let noun = at > 0 && (words[at - 1] == "the" || words[at - 1] == "a" || ends_name(&words[at - 1], &words[at]));
         // "The car *parked* behind the van" is not an instruction to park.
         let word = words[at].as_str();
         let form = word.ends_with("ing") || word.ends_with("ed") || NOUNS.participles.contains(word);

@@ -211,32 +211,6 @@ pub(crate) fn adds_nothing(words: &[String]) -> usize {
     PHRASES.dropped.length(words).unwrap_or(0)
 }
 
-/// Whether the word can be omitted without changing the request: articles, courtesies, verbs, and words that introduce
-/// them.
-pub(crate) fn is_harmless(word: &str) -> bool {
-    let lists = [
-        &PHRASES.fillers,
-        &PHRASES.determiners,
-        &PHRASES.lead_in,
-        &PHRASES.joining,
-        &PHRASES.breaks,
-        &PHRASES.relative_lead,
-        &PHRASES.looking,
-        &PHRASES.other_orders,
-        &SPELLING.empty,
-        &VERBS.plain_prepositions,
-        &NOUNS.participles,
-        &NOUNS.vague,
-        &NOUNS.clothes,
-        &NOUNS.surroundings,
-        &PHRASES.numbering,
-        &PHRASES.anyway,
-        &ADJECTIVES.fluff,
-    ];
-    let verb = VERBS.verbs.words().any(|known| known == word) && !is_thing(&singular(word));
-    verb || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
-}
-
 /// Whether the word belongs to a verb of flying.
 pub(crate) fn is_verb(word: &str) -> bool {
     VERBS.verbs.words().any(|known| known == word)

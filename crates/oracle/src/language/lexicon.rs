@@ -175,7 +175,7 @@ pub(crate) struct Joints {
     /// Numbers without a value.
     pub(super) quantities: Words,
     /// Actions that the drone performs at a target anyway.
-    pub(super) anyway: Words,
+    pub(crate) anyway: Words,
     /// Beginnings of a question or another instruction after a comma.
     #[serde(deserialize_with = "list")]
     pub(super) asking: Phrases,

@@ -88,12 +88,28 @@ pub(crate) fn picture(words: &[String], at: usize) -> usize {
     if asks && !is_name { length } else { 0 }
 }
 
-/// Number of words at the start that state for how long, "for 10 seconds"; zero if there are none.
+/// Number of words at the start that state for how long, "for 10 seconds", "for a minute"; zero if there are none.
 pub(crate) fn duration(words: &[String]) -> usize {
     let word = |at: usize| words.get(at).map_or("", String::as_str);
-    let number = measured(word(1)) || CARDINALS.contains(&word(1)) || PHRASES.quantities.contains(word(1));
+    let article = matches!(word(1), "a" | "an");
+    let number = article || measured(word(1)) || CARDINALS.contains(&word(1)) || PHRASES.quantities.contains(word(1));
     let unit = matches!(word(2), "second" | "seconds" | "sec" | "secs" | "s" | "minute" | "minutes" | "min" | "hour" | "hours");
     if word(0) == "for" && number && unit { 3 } else { 0 }
+}
+
+/// Number of words at the start that ask what there is at a place, "what's" behind the church; zero if there are none. A drone can go
+/// there, and tells nothing.
+pub(crate) fn question(words: &[String]) -> usize {
+    let length = match words.first().map(String::as_str) {
+        Some("whats") => 1,
+        Some("what" | "whatever")
+            if words.get(1).is_some_and(|word| matches!(word.as_str(), "is" | "are" | "lies" | "stands")) =>
+        {
+            2
+        }
+        _ => return 0,
+    };
+    PHRASES.relations.longest(&words[length..]).map_or(0, |_| length)
 }
 
 /// Words for pictures.

@@ -123,13 +123,17 @@ pub(crate) fn condition(words: &[String]) -> usize {
         let (before, rest) = (&words[at - 1], &words[*at..end]);
         let named = matches!(before.as_str(), "it" | "one")
             || !(PHRASES.lead_in.contains(before) || PHRASES.subordinating.contains(before));
-        // "A bus stop", "the car park".
-        let name = format!("{before} {}", rest[0]);
-        let is_name = NOUNS.synonyms.iter().any(|group| group.contains(&name));
+        let is_name = ends_name(before, &rest[0]);
         let verb = starts_verb(rest).filter(|_| VERBS.verbs.begin_with(&rest[0]));
         named && !is_name && verb.is_some_and(|(n, _)| rest.get(n).is_some_and(leads) || leads(&rest[n - 1]))
     };
     (3..end).find(is_command).unwrap_or(end)
+}
+
+/// Whether a word that is also a verb ends a name: "a bus stop", "the car park".
+pub(super) fn ends_name(before: &str, word: &str) -> bool {
+    let name = format!("{before} {word}");
+    NOUNS.synonyms.iter().any(|group| group.contains(&name))
 }
 
 /// Number of words at the start with which somebody takes back what precedes: "the red car, *no wait*, the blue one".

@@ -94,6 +94,17 @@ fn meant_alone(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize> 
     found
 }
 
+/// Whether an object is elsewhere than the phrase says, because other objects of the scene that it names belong to the place: the red
+/// car on the avenue, for "the red car in the car park". By tags alone, so that it holds where the place is out of view.
+pub(crate) fn is_elsewhere(phrase: &Phrase, tags: &Tagged, scene: &[Tagged]) -> bool {
+    phrase.relations.iter().any(|(relation, anchors)| match (relation, anchors.as_slice()) {
+        (Relation::On, [place]) if !is_in(place, tags) => {
+            scene.iter().any(|other| is_in(place, other) && score(phrase, &phrase.nouns, other) > 0)
+        }
+        _ => false,
+    })
+}
+
 /// The target for flying into an object: its entrances, if some are known by its name, else the object itself.
 pub(crate) fn meant_by(verb: Verb, phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
     let found = meant(phrase, items);

@@ -26,7 +26,7 @@ fn place_of(tags: &Tagged) -> impl Iterator<Item = &String> {
 }
 
 /// Whether an object belongs to the place that the phrase names: the armchair "in the break room".
-pub(super) fn is_in(phrase: &Phrase, tags: &Tagged) -> bool {
+pub(crate) fn is_in(phrase: &Phrase, tags: &Tagged) -> bool {
     let Some(group) = tags.group.as_deref().map(head_last).filter(|_| !phrase.nouns.is_empty()) else { return false };
     let (place, named) = (group.join(" "), phrase.nouns.join(" "));
     place == named || NOUNS.synonyms.iter().any(|group| group.contains(&place) && group.contains(&named))

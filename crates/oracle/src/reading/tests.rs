@@ -304,6 +304,10 @@ fn an_instruction_without_a_flight_ends_at_once() {
         "do my maths homework pls",
         "blah blah blubb",
         "asdf jkl hhhh",
+        // No minute, and not everywhere, is a thing that one could look for.
+        "hover for a minute",
+        "go everywhere except the bridge",
+        "fly to the music",
     ] {
         assert!(!read(message).is_understood(), "{message}: {:?}", read(message));
     }

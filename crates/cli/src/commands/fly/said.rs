@@ -28,12 +28,15 @@ impl Said<'_> {
             Err(unflown) => unflown,
         };
         let chosen = match &unflown {
-            Unflown::Unused { error, readings } if self.can_ask(given) => {
+            Unflown::Unused { error, readings } if self.can_ask(given) && !readings.is_empty() => {
                 choose(&error.to_string(), readings, std::io::stdin().lock(), |line| self.printer.log(line))
             }
-            _ => None,
+            _ => return Err(unflown.into()),
         };
-        let Some(chosen) = chosen else { return Err(unflown.into()) };
+        let Some(chosen) = chosen else {
+            return Err(CliError::usage("nothing is flown: no reading was chosen")
+                .hint("say it in words that are all used, or fly without the others with --anyway"));
+        };
         let lines = lines(&chosen, loaded, start, given, false).map_err(spf_api::Error::from)?;
         Ok((lines, Some(chosen)))
     }
@@ -45,21 +48,29 @@ impl Said<'_> {
     }
 }
 
-/// Lets a person choose a reading by its number; `None` to fly nothing.
+/// Lets a person choose a reading by its number, and ask again once; `None` to fly nothing.
 fn choose(why: &str, readings: &[String], mut typed: impl BufRead, mut say: impl FnMut(&str)) -> Option<String> {
-    if readings.is_empty() {
-        return None;
-    }
     say(why);
     for (number, reading) in (1..).zip(readings) {
         say(&format!("  {number}  {}", one_line(reading)));
     }
     say("Type a number to fly that instead, or Enter to end:");
-    let mut line = String::new();
-    // A closed terminal chooses nothing.
-    typed.read_line(&mut line).ok()?;
-    let number: usize = line.trim().parse().ok()?;
-    readings.get(number.checked_sub(1)?).cloned()
+    for is_last in [false, true] {
+        let mut line = String::new();
+        // A closed terminal chooses nothing.
+        typed.read_line(&mut line).ok()?;
+        let said = line.trim();
+        if said.is_empty() {
+            return None;
+        }
+        let number = said.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+        if let Some(chosen) = number.and_then(|at| readings.get(at)) {
+            return Some(chosen.clone());
+        }
+        let again = if is_last { "" } else { " Type one of them, or Enter to end:" };
+        say(&format!("\"{}\" is none of these numbers.{again}", one_line(said)));
+    }
+    None
 }
 
 #[cfg(test)]
@@ -71,11 +82,13 @@ mod tests {
         let readings = ["fly to the red church", "fly to the bus"].map(str::to_owned);
         let mut said = Vec::new();
         let mut chosen = |typed: &str| choose("why", &readings, typed.as_bytes(), |line| said.push(line.to_owned()));
-        assert_eq!(chosen(" 2 \n").as_deref(), Some("fly to the bus"));
-        for typed in ["", "\n", "0\n", "3\n", "-1\n", "yes\n", "fly to the red church\n"] {
+        for typed in [" 2 \n", "7\n2\n", "yes\n2\n"] {
+            assert_eq!(chosen(typed).as_deref(), Some("fly to the bus"), "{typed:?}");
+        }
+        for typed in ["", "\n", "0\n", "3\n", "-1\n", "yes\n", "fly to the red church\n", "3\n\n", "3\n4\n1\n"] {
             assert_eq!(chosen(typed), None, "{typed:?}");
         }
         assert!(said.contains(&"  1  fly to the red church".to_owned()));
-        assert_eq!(choose("why", &[], "1\n".as_bytes(), |_| panic!("nothing to choose from")), None);
+        assert!(said.contains(&"\"3\" is none of these numbers. Type one of them, or Enter to end:".to_owned()), "{said:?}");
     }
 }
