@@ -62,6 +62,7 @@ pub fn account(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint
             && (manner[at]
                 || tokens.iter().any(|token| whole.is_motion(token) || whole.hides(token))
                 || is_side_of(&words, at)
+                || is_side_to_see_from(&words, at)
                 || SIDES.contains(&words[at]) && is_side_of(&words, at + 1)
                 || (tokens.iter().any(|token| is_part(token, &words, at) || reader.has_content(&reader.correct(token)))
                     && !reader.uses(&tokens, &words, at, &whole)))
@@ -348,6 +349,14 @@ fn is_side_of(words: &[&str], at: usize) -> bool {
     words[..at].iter().rev().find(told).is_none_or(|word| raw_tokens(word).iter().all(|token| is_verb(token)))
 }
 
+/// Whether the word asks from which side its object is seen or passed: "from the front", "on its right".
+fn is_side_to_see_from(words: &[&str], at: usize) -> bool {
+    let token = |back: usize| at.checked_sub(back).and_then(|at| raw_tokens(words[at]).into_iter().next()).unwrap_or_default();
+    let is_side = matches!(token(0).as_str(), "front" | "back" | "rear" | "side" | "left" | "right");
+    let of_something = words.get(at + 1) == Some(&"of");
+    is_side && !of_something && (matches!(token(1).as_str(), "its" | "their") || token(1) == "the" && token(2) == "from")
+}
+
 /// Words before "side".
 const SIDES: [&str; 6] = ["far", "opposite", "near", "back", "rear", "other"];
 
@@ -532,6 +541,8 @@ mod tests {
             ("I'd like to see the church behind you", "behind"),
             ("fly to the other side of the pond", "other side"),
             ("go to the opposite side of the bus", "opposite side"),
+            ("show me the church from the front", "from the front"),
+            ("pass the bus on its right, then go to the church", "on its right"),
             ("go to the back of the church", "back"),
             ("show me the pond from above", "from above"),
             ("follow the road to the bus", "bus"),

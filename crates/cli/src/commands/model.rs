@@ -1,6 +1,6 @@
 //! `spf model`: published neural networks, fetched by name.
 
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -155,7 +155,7 @@ fn convert(model: &Published, archive: &Path, file: &Path) -> Result<(), CliErro
         CliError::usage(format!("cannot take {} from `{}`", model.name, archive.display())).because(&error).hint(&hint)
     })?;
     let partial = file.with_extension(format!("{}.partial", std::process::id()));
-    let written = std::fs::File::create(&partial).and_then(|mut partial| partial.write_all(&bytes));
+    let written = std::fs::write(&partial, bytes);
     written.and_then(|()| std::fs::rename(&partial, file)).map_err(|error| {
         drop(std::fs::remove_file(&partial));
         unwritten(file, &error)
