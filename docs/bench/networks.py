@@ -37,7 +37,6 @@ def examples(folders):
 
 def class_of(folder, scene, key, tags={}):
     if scene not in tags:
-        number = {"scenes": {}}
         tags[scene] = {}
         for file in (folder / "legends").glob("*.json"):
             legend = json.loads(file.read_text())

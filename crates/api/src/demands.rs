@@ -35,28 +35,34 @@ pub fn tighten(
     envelope: &mut Limits,
     method: &mut PilotSettings,
 ) -> Result<Vec<String>, Error> {
-    let (found, rest) = limits(instruction);
+    let found = limits(instruction).0;
     let mut lines = Vec::new();
     for LimitWords { words, demand } in &found {
         match kept(*demand, beginning, envelope, method) {
             Ok(line) => lines.push(format!("limit: \"{}\": {line}", one_line(words))),
             Err(why) if anyway || *demand == Demand::Fast => lines.push(format!("not heeded: \"{}\": {why}", one_line(words))),
             Err(why) => {
-                return Err(Error::usage(format!("cannot keep to \"{}\": {why}", one_line(words))).hint(without(*demand, &rest)));
+                return Err(Error::usage(format!("cannot keep to \"{}\": {why}", one_line(words))).hint(without(
+                    *demand,
+                    words,
+                    instruction,
+                )));
             }
         }
     }
     Ok(lines)
 }
 
-/// What to do about a demand that cannot be kept. `rest`: the instruction without its demands.
-fn without(demand: Demand, rest: &str) -> String {
+/// What to do about a demand of an instruction that cannot be kept.
+fn without(demand: Demand, words: &str, instruction: &str) -> String {
     let leave = "leave it out, or fly without it with --anyway (docs/guide/fly.md, \"Limits within the words\")";
     if demand != Demand::Unmeasured(LANDING_ON) {
         return leave.to_owned();
     }
-    let rest: Vec<&str> = rest.split_whitespace().collect();
-    format!("to land at it, beside it or on it, say `spf fly \"{}\" --at-end land`", one_line(&rest.join(" ")))
+    let there = instruction.replacen(words, "fly to", 1);
+    // What is named before is flown to already.
+    let there = there.replace(" and fly to it", "").replace(", then fly to it", "");
+    format!("to land at it, beside it or on it, say `spf fly \"{}\" --at-end land`", one_line(there.trim()))
 }
 
 /// Refuses limits in an instruction that is given in flight: the envelope of a flight is fixed at take-off.

@@ -260,6 +260,14 @@ impl Deck {
     /// # Errors
     /// Why it is refused.
     pub fn fly(self: &Arc<Self>, wanted: Wanted) -> Result<(Flight, u32, String), String> {
+        self.fly_unless(wanted, || false)
+    }
+
+    /// The same, unless whoever asked is gone by then.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn fly_unless(self: &Arc<Self>, wanted: Wanted, is_gone: impl Fn() -> bool) -> Result<(Flight, u32, String), String> {
         let stops = self.inner().stops;
         self.wait_for_files();
         let scene = {
@@ -274,6 +282,9 @@ impl Deck {
         let flight = self.may_fly(&mut inner, &wanted)?;
         if inner.stops != stops {
             return Err("the drone was told to hold, land or stop meanwhile: nothing was begun".to_owned());
+        }
+        if is_gone() {
+            return Err("the call was cancelled: nothing was begun".to_owned());
         }
         let Some(flight) = flight else {
             self.consent.begin(Instant::now())?;
@@ -329,6 +340,7 @@ impl Deck {
                     flight.seen.borrow().instruction
                 ));
             }
+            Some(Phase::Ended) => return Err("the files of the last flight are still being written: try again".to_owned()),
             _ => return Err(format!("the flight `{}` is about to take off: `wait_flight`, or `stop`", flight.id())),
         }
         self.consent.go_on(now)?;

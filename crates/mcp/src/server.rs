@@ -431,7 +431,9 @@ impl Server {
             Ok(instruction) => instruction.to_owned(),
             Err(error) => return refused(error.to_string()),
         };
-        let begun = blocking(move || deck.fly(Wanted { instruction: Some(instruction), scene })).await;
+        let cancelled = ctx.ct.clone();
+        let wanted = Wanted { instruction: Some(instruction), scene };
+        let begun = blocking(move || deck.fly_unless(wanted, || cancelled.is_cancelled())).await;
         match begun {
             Ok((flight, number, read)) => {
                 // By its lasting name.
@@ -452,8 +454,9 @@ impl Server {
         if let Err(why) = self.deck.call(false) {
             return refused(why);
         }
-        let deck = self.deck.clone();
-        let flight = match blocking(move || deck.fly(Wanted { instruction: None, scene })).await {
+        let (deck, cancelled) = (self.deck.clone(), ctx.ct.clone());
+        let wanted = Wanted { instruction: None, scene };
+        let flight = match blocking(move || deck.fly_unless(wanted, || cancelled.is_cancelled())).await {
             Ok((flight, ..)) => flight,
             Err(why) => return refused(why),
         };

@@ -352,9 +352,11 @@ fn is_side_of(words: &[&str], at: usize) -> bool {
 /// Whether the word asks from which side its object is seen or passed: "from the front", "on its right".
 fn is_side_to_see_from(words: &[&str], at: usize) -> bool {
     let token = |back: usize| at.checked_sub(back).and_then(|at| raw_tokens(words[at]).into_iter().next()).unwrap_or_default();
-    let is_side = matches!(token(0).as_str(), "front" | "back" | "rear" | "side" | "left" | "right");
-    let of_something = words.get(at + 1) == Some(&"of");
-    is_side && !of_something && (matches!(token(1).as_str(), "its" | "their") || token(1) == "the" && token(2) == "from")
+    let is_end = matches!(token(0).as_str(), "front" | "back" | "rear" | "side");
+    let is_side = is_end || matches!(token(0).as_str(), "left" | "right");
+    // "The second car from the left" is counted from there.
+    let is_asked = is_side && matches!(token(1).as_str(), "its" | "their") || is_end && token(1) == "the" && token(2) == "from";
+    is_asked && words.get(at + 1) != Some(&"of")
 }
 
 /// Words before "side".
@@ -603,6 +605,7 @@ mod tests {
             "go to the red bus or the crane",
             "go to the bus or something",
             "go through the church",
+            "go to the second tree from the left",
             "show me the church",
             "???",
             "",

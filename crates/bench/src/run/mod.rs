@@ -77,8 +77,9 @@ impl Plan {
     pub fn head(&self, shard: Shard, pointing: &str) -> RunHeader {
         let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
         let Networks { detector, depth } = &self.networks;
-        let names = [detector.as_ref().map(|network| &network.name), depth.as_ref().map(|network| &network.name)];
-        let networks = names.into_iter().flatten().map(|name| format!(" {name}")).collect::<String>();
+        let detector = detector.as_ref().map(|network| format!(" detector {}", network.name));
+        let depth = depth.as_ref().map(|network| format!(" depth {} {:?}", network.details, network.period));
+        let networks = [detector, depth].map(Option::unwrap_or_default).concat();
         let all = format!("{:?} {pointing} {:?}{networks}", self.tasks, self.max_cost_usd);
         RunHeader::new(trials, shard, format!("{:016x}", fnv(all.as_bytes())))
     }

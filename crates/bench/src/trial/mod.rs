@@ -86,6 +86,11 @@ pub struct Networks {
     pub depth: Option<DepthPlan>,
 }
 
+/// The depth network of a trial failed, or took too long.
+#[derive(Debug, thiserror::Error)]
+#[error("the depth network was given up in flight")]
+struct NetworkLost;
+
 /// Revision of the source from which the program was built, with a `+` if files differed from it; empty if it is not known.
 pub const GIT_REV: &str =
     git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
@@ -193,7 +198,10 @@ impl Trial {
         let mut watcher = Watcher::new(world, judge, signs);
         let mut observers: Vec<&mut dyn Observer> = vec![&mut watcher];
         observers.extend(others.iter_mut().map(|other| &mut **other as &mut dyn Observer));
+        let given_up = plan.depth_network.as_ref().map(|network| network.given_up.clone());
         match fly(plan, &mut observers) {
+            // Without its network it was another method's flight.
+            Ok(_) if given_up.is_some_and(|given_up| given_up.load(Ordering::Relaxed)) => self.failed(Some(drawn), &NetworkLost),
             Ok(flown) => {
                 let mut flown = self.scored(drawn, watcher, flown.summary);
                 if let Some(query_settings) = query_settings.get() {
@@ -271,7 +279,8 @@ impl Trial {
             preset: self.method.preset(),
             settings: self.settings(),
             detector: self.detector(),
-            depth_network: self.depth_network().cloned(),
+            // Whether it is given up is told of each flight.
+            depth_network: self.depth_network().map(|network| DepthPlan { given_up: Arc::default(), ..network.clone() }),
             max_cost_usd: self.max_cost_usd,
             record,
             // A flight whose queries are taken away ends at once.
@@ -302,7 +311,8 @@ impl Trial {
     fn settings(&self) -> PilotSettings {
         let settings = self.method.settings(&self.task);
         match self.depth_network() {
-            Some(_) => PilotSettings { method: PilotMethod::Depth(Measured::Part), ..settings },
+            // As in flights: what a network sees is checked against boxes as well.
+            Some(_) => PilotSettings { method: PilotMethod::Depth(Measured::Part), avoid: true, ..settings },
             None => settings,
         }
     }
@@ -347,7 +357,7 @@ impl Trial {
                 params[what] = name.clone().into();
             }
         };
-        add("depth_network", self.depth_network().map(|network| &network.name));
+        add("depth_network", self.depth_network().map(|network| &network.details));
         add(
             "detector_network",
             self.networks.detector.as_ref().filter(|_| self.method.has_detector()).map(|network| &network.name),

@@ -15,6 +15,11 @@ use crate::settings::Settings;
 /// Before the error of a stand-in for a network.
 const STAND_IN: &str = "stand-in:";
 
+/// Whether the configured network is a stand-in, which only the simulator has.
+pub(crate) fn is_stand_in(settings: &Settings) -> bool {
+    settings.fly.depth_model.text().is_some_and(|named| named.starts_with(STAND_IN))
+}
+
 /// The configured network, opened; `None` without one.
 pub(crate) fn plan(settings: &Settings) -> Result<Option<(DepthPlan, String)>, CliError> {
     let Some(named) = settings.fly.depth_model.text() else { return Ok(None) };
@@ -48,7 +53,10 @@ fn parts(named: &str) -> Result<(PathBuf, OutputKind), CliError> {
         Anything V2, relative for V3, metric for their metric models, canonical for V3's metric one";
     let end = named.to_ascii_lowercase().rfind(".onnx").map(|at| at + ".onnx".len());
     let Some((file, kind)) = end.map(|end| named.split_at(end)) else {
-        return Err(CliError::usage(format!("--depth-model: expected fastdepth or FILE.onnx:KIND, found `{named}`")).hint(hint));
+        return Err(CliError::usage(format!(
+            "--depth-model: expected fastdepth, FILE.onnx:KIND, or stand-in:ERROR in the simulator, found `{named}`"
+        ))
+        .hint(hint));
     };
     let Some(kind) = kind.strip_prefix(':').filter(|kind| !kind.is_empty()) else {
         let missing = format!("--depth-model: `{file}` needs its kind: FILE.onnx:KIND, with {KINDS}");

@@ -56,7 +56,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     if let Some(named) = detector::network(&settings) {
         checks.push(watch(named)?);
     }
-    if let Some(named) = settings.fly.depth_model.text() {
+    if let Some(named) = settings.fly.depth_model.text().filter(|_| !depth_model::is_stand_in(&settings)) {
         checks.push(depth(&settings, named)?);
     }
     checks.extend(doctor::disk(Path::new(".")));

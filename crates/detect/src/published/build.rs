@@ -96,13 +96,7 @@ impl Builder {
         "converted".clone_into(&mut self.graph.name);
         self.graph.outputs.push(Self::named(output, sides));
         let operators = vec![Operators { domain: String::new(), version: OPERATORS }];
-        let model = Model {
-            ir_version: IR_VERSION,
-            producer: "spf model get".to_owned(),
-            graph: Some(self.graph),
-            operators,
-            metadata: Vec::new(),
-        };
+        let model = Model { ir_version: IR_VERSION, producer: "spf model get".to_owned(), graph: Some(self.graph), operators };
         model.encode_to_vec()
     }
 }

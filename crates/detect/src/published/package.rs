@@ -17,11 +17,12 @@ const FOLDER: &str = "package";
 /// Files of a package by their names, in this order.
 pub(super) fn files(archive: &Path, model: &Published, names: &[&str]) -> Result<Vec<Vec<u8>>, ConversionError> {
     let failed = |error: std::io::Error| ConversionError(error.to_string());
-    let bytes = std::fs::read(archive).map_err(failed)?;
     let expected = model.specifier();
-    if bytes.len() as u64 != model.bytes {
-        return Err(ConversionError(format!("it has {} bytes, the package {expected} has {}", bytes.len(), model.bytes)));
+    let length = std::fs::metadata(archive).map_err(failed)?.len();
+    if length != model.bytes {
+        return Err(ConversionError(format!("it has {length} bytes, the package {expected} has {}", model.bytes)));
     }
+    let bytes = spf_input::read(archive, model.bytes).map_err(failed)?;
     if BASE64_STANDARD.encode(Sha512::digest(&bytes)) != model.sha512 {
         return Err(ConversionError(format!("its checksum is not that of the package {expected}")));
     }

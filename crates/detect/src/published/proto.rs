@@ -17,8 +17,6 @@ pub(super) struct Model {
     pub(super) graph: Option<Graph>,
     #[prost(message, repeated, tag = "8")]
     pub(super) operators: Vec<Operators>,
-    #[prost(message, repeated, tag = "14")]
-    pub(super) metadata: Vec<Entry>,
 }
 
 #[derive(Clone, PartialEq, Message)]
@@ -27,14 +25,6 @@ pub(super) struct Operators {
     pub(super) domain: String,
     #[prost(int64, tag = "2")]
     pub(super) version: i64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(super) struct Entry {
-    #[prost(string, tag = "1")]
-    pub(super) key: String,
-    #[prost(string, tag = "2")]
-    pub(super) value: String,
 }
 
 #[derive(Clone, PartialEq, Message)]

@@ -65,7 +65,7 @@ impl WithDepth {
         let camera = drone.capabilities().camera;
         let work = Work::Virtual {
             follower: Box::new(PointFollower::new(&camera)),
-            estimator: Box::new(Estimator::new(network, camera)),
+            estimator: Box::new(Estimator::new(network, camera, plan.given_up.clone())),
             // The network works on one image at a time.
             period: period.max(latency),
             latency,
@@ -81,7 +81,7 @@ impl WithDepth {
     /// The operating system's error if a thread cannot be started.
     pub(crate) fn in_threads(drone: Box<dyn Drone>, network: Box<dyn EstimatesDepth>, plan: &DepthPlan) -> std::io::Result<Self> {
         let camera = drone.capabilities().camera;
-        let (mut follower, mut estimator) = (PointFollower::new(&camera), Estimator::new(network, camera));
+        let (mut follower, mut estimator) = (PointFollower::new(&camera), Estimator::new(network, camera, plan.given_up.clone()));
         let points = move |(meta, photo, attitudes): Seen| Some(follower.follow(&meta, &photo, &attitudes));
         let network = move |(meta, photo): (FrameMeta, Photo)| {
             let began = Instant::now();

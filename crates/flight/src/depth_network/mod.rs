@@ -19,6 +19,7 @@ pub use picture::picture;
 pub use stand_in::StandIn;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
@@ -60,6 +61,10 @@ pub type DepthFactory = Arc<dyn Fn(Option<&SimWorld>, u64) -> Result<Box<dyn Est
 pub struct DepthPlan {
     /// Its name.
     pub name: String,
+    /// What tells it from others: kind and size of its output.
+    pub details: String,
+    /// Whether it was given up in flight.
+    pub given_up: Arc<AtomicBool>,
     /// Creates the network.
     pub network: DepthFactory,
     /// Least time from one frame to the next.
@@ -73,9 +78,10 @@ impl DepthPlan {
     /// machine.
     #[must_use]
     pub fn onnx(network: DepthNetwork, period: Duration) -> Self {
-        let name = network.name().to_owned();
+        let (name, (width, height)) = (network.name().to_owned(), network.input());
+        let details = format!("{name}:{} {width}x{height}", network.kind());
         let factory: DepthFactory = Arc::new(move |_, _| Ok(Box::new(OnnxDepth(network.clone()))));
-        Self { name, network: factory, period, latency: LATENCY }
+        Self { name, details, given_up: Arc::default(), network: factory, period, latency: LATENCY }
     }
 
     /// A stand-in for a network, in the simulator: true depths with a mean relative error, in metres or up to a scale.
@@ -85,7 +91,8 @@ impl DepthPlan {
             Some(world) => Ok(Box::new(StandIn::new(world.clone(), (error, kind), seed))),
             None => Err("a stand-in for a depth network needs the simulator".into()),
         });
-        Self { name: stand_in::name(error, kind), network: factory, period, latency: LATENCY }
+        let name = stand_in::name(error, kind);
+        Self { details: name.clone(), name, given_up: Arc::default(), network: factory, period, latency: LATENCY }
     }
 }
 
@@ -95,11 +102,12 @@ struct Estimator {
     camera: Camera,
     scaler: Scaler,
     failures: u32,
+    given_up: Arc<AtomicBool>,
 }
 
 impl Estimator {
-    fn new(network: Box<dyn EstimatesDepth>, camera: Camera) -> Self {
-        Self { network, camera, scaler: Scaler::default(), failures: 0 }
+    fn new(network: Box<dyn EstimatesDepth>, camera: Camera, given_up: Arc<AtomicBool>) -> Self {
+        Self { network, camera, scaler: Scaler::default(), failures: 0, given_up }
     }
 
     /// Whether it has been given up.
@@ -127,6 +135,7 @@ impl Estimator {
             Err(why) => {
                 self.failures += 1;
                 if self.is_over() {
+                    self.given_up.store(true, Ordering::Relaxed);
                     tracing::warn!("the depth network {} is left out from now on: {why}", self.network.name());
                 }
                 None

@@ -97,7 +97,15 @@ fn about() -> Capabilities {
 
 fn plan(period: u64) -> DepthPlan {
     let network: DepthFactory = Arc::new(|_, _| Err("the tests give their own".into()));
-    DepthPlan { name: "fake".to_owned(), network, period: Duration::from_millis(period), latency: LATENCY }
+    let name = "fake".to_owned();
+    DepthPlan {
+        details: name.clone(),
+        name,
+        given_up: Arc::default(),
+        network,
+        period: Duration::from_millis(period),
+        latency: LATENCY,
+    }
 }
 
 fn meta(id: u64) -> FrameMeta {
@@ -184,7 +192,7 @@ fn a_network_that_fails_three_times_in_a_row_is_left_out() {
 #[test]
 fn a_network_that_takes_ten_seconds_is_left_out() {
     let (fake, seen) = fake(false);
-    let mut estimator = Estimator::new(Box::new(fake), Camera::quad());
+    let mut estimator = Estimator::new(Box::new(fake), Camera::quad(), Arc::default());
     let (meta, photo) = (meta(1), Grey.photo(FrameId(1)).unwrap());
     for _ in 0..2 {
         assert_eq!(estimator.estimate(&meta, &photo, || Duration::from_secs(10)), None);

@@ -17,7 +17,7 @@ use crate::commands::{depth_model, detector};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use crate::settings::Settings;
+use crate::settings::{Flags, Settings, Takes};
 
 /// Runs one of the bench's commands.
 pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliError> {
@@ -44,10 +44,13 @@ pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTes
     Ok(VlmUnderTest { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
 }
 
-/// The networks that take the place of what the simulator gives a method.
-fn networks(settings: &Settings) -> Result<Networks, CliError> {
-    let depth = depth_model::plan(settings)?.map(|(plan, _)| plan);
-    Ok(Networks { detector: detector::in_the_bench(settings)?, depth })
+/// The networks that take the place of what the simulator gives a method: those of the command line alone, as everything of a run is
+/// in its command.
+fn networks<T: Takes>(settings: &Settings, flags: &Flags<T>) -> Result<Networks, CliError> {
+    let is_given = |flag: &str| flags.text(flag).is_some();
+    let detector = if is_given("--detector") { detector::in_the_bench(settings)? } else { None };
+    let depth = if is_given("--depth-model") { depth_model::plan(settings)?.map(|(plan, _)| plan) } else { None };
+    Ok(Networks { detector, depth })
 }
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {

@@ -58,7 +58,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         trials: args.trials,
         seed: args.seed,
         max_cost_usd: per_trial,
-        networks: networks(&settings)?,
+        networks: networks(&settings, &args.settings)?,
     };
     let head = plan.head(shard, vlms);
     let total = plan.draws().iter().flatten().count();

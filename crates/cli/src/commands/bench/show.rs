@@ -51,13 +51,13 @@ fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let method = Method::of_name(method).ok_or_else(wrong)?;
     let task = Arc::new(task_of(args.task.as_deref().unwrap_or(task))?);
     let pointer = if method.uses_vlm() { Some(pointer(settings, &name_of(args, vlm)?)?) } else { None };
-    let trial = Trial { task, method, pointer, seed, max_cost_usd: None, networks: networks(settings)? };
+    let trial = Trial { task, method, pointer, seed, max_cost_usd: None, networks: networks(settings, &args.settings)? };
     if trial.run_id() == args.run_id {
         return Ok(trial);
     }
     Err(CliError::usage(format!("these options give the trial {}, not {}", trial.run_id(), args.run_id)).hint(
         "use the same \
-        --task and --vlm as in the run",
+        --task, --vlm, --detector and --depth-model as in the run",
     ))
 }
 

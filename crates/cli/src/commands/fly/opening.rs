@@ -133,6 +133,11 @@ pub(crate) fn ready(
     if attended && !Manual::is_possible() && !others.is_any() {
         return Err(no_keys());
     }
+    if !is_simulated && depth_model::is_stand_in(settings) {
+        return Err(
+            CliError::usage("a stand-in for a depth network has its depth from the simulator").hint("--depth-model fastdepth")
+        );
+    }
     let depth_network = depth_model::plan(settings)?;
     let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(carrier.is_real())?;
