@@ -161,6 +161,10 @@ mod tests {
         }
         let landing = tightened("land on the landing pad", false).0.unwrap_err();
         assert!(landing.to_string().contains("spf fly \"fly to the landing pad\" --at-end land"), "{landing}");
+        let kept = tightened("land on the bus, stay below 10 m", false).0.unwrap_err().to_string();
+        assert!(kept.contains("\"fly to the bus, stay below 10 m\" --at-end land"), "{kept}");
+        let slow = tightened("go to the bus, don't hurry", false);
+        assert!(slow.1.max_speed < Limits::for_craft(&Craft::quad()).max_speed, "{:?}", slow.0);
         let wish = tightened("go quickly to the bus", false);
         assert!(wish.0.unwrap()[0].starts_with("not heeded: \"quickly\"") && wish.1 == Limits::for_craft(&Craft::quad()));
         assert!(refuse_in_flight("go quickly to the bus").is_ok());

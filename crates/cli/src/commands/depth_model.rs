@@ -45,7 +45,7 @@ fn parts(named: &str) -> Result<(PathBuf, OutputKind), CliError> {
     match model::published(named).transpose()? {
         Some((Published { role: Role::Depth(kind), .. }, file)) => return Ok((file, *kind)),
         Some((Published { role: Role::Detector, .. }, _)) => {
-            return Err(CliError::usage(format!("{named} is no depth network")).hint(&format!("--detector {named}")));
+            return Err(CliError::usage(format!("{named} is no depth network")).hint(format!("--detector {named}")));
         }
         None => {}
     }

@@ -66,7 +66,7 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
 pub(crate) fn open(name: &str) -> Result<Detector, CliError> {
     let path = match model::published(name).transpose()? {
         Some((Published { role: Role::Depth(_), .. }, _)) => {
-            return Err(CliError::usage(format!("{name} is no detector")).hint(&format!("--depth-model {name}")));
+            return Err(CliError::usage(format!("{name} is no detector")).hint(format!("--depth-model {name}")));
         }
         Some((_, path)) => path,
         None => PathBuf::from(name),

