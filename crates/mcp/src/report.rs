@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use spf_api::files::load_scene;
 use spf_api::flight::read_flight;
 use spf_api::log::FlightRecord;
@@ -474,6 +474,16 @@ pub struct FlightRow {
     pub flight_time_s: f64,
 }
 
+/// What of `summary.json` is listed. The file is for people: its settings have seconds, and are no pilot's settings.
+#[derive(Deserialize)]
+struct Recorded {
+    instruction: String,
+    outcome: Outcome,
+    #[serde(default)]
+    verified: Option<bool>,
+    finished_at_s: f64,
+}
+
 /// The recorded flights of a folder.
 #[must_use]
 pub fn flights(folder: &Path) -> Flights {
@@ -487,7 +497,7 @@ pub fn flights(folder: &Path) -> Flights {
                 return None;
             }
             let written = std::fs::metadata(&path).and_then(|data| data.modified()).ok()?;
-            let summary: Summary = serde_json::from_slice(&spf_input::read(&path, spf_input::TEXT).ok()?).ok()?;
+            let summary: Recorded = serde_json::from_slice(&spf_input::read(&path, spf_input::TEXT).ok()?).ok()?;
             let row = FlightRow {
                 flight_id: entry.file_name().into_string().ok()?,
                 instruction: summary.instruction.clone(),

@@ -84,6 +84,13 @@ pub(crate) fn open(name: &str) -> Result<Detector, CliError> {
 }
 
 /// The configured detector, if it is a neural network.
-pub(crate) fn network(settings: &Settings) -> Option<&str> {
-    settings.fly.detector.text().filter(|name| is_network(name))
+///
+/// # Errors
+/// A usage error for a name that is no detector's.
+pub(crate) fn network(settings: &Settings) -> Result<Option<&str>, CliError> {
+    match settings.fly.detector.text() {
+        Some(name) if is_network(name) => Ok(Some(name)),
+        Some(name) => detecting(settings, name).map(|_| None),
+        None => Ok(None),
+    }
 }

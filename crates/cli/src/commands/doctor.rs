@@ -53,7 +53,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     if let Some(loaded) = simulated {
         checks.insert(0, doctor::simulator(&loaded));
     }
-    if let Some(named) = detector::network(&settings) {
+    if let Some(named) = detector::network(&settings)? {
         checks.push(watch(named)?);
     }
     if let Some(named) = settings.fly.depth_model.text().filter(|_| !depth_model::is_stand_in(&settings)) {

@@ -110,7 +110,8 @@ pub(crate) fn published(name: &str) -> Option<Result<(&'static Published, PathBu
     let model = Published::named(name)?;
     let here = |folder: PathBuf| {
         let file = model.file(&folder);
-        let absent = || CliError::usage(format!("the model {name} is not here yet")).hint(format!("spf model get {name}"));
+        let get = if cfg!(feature = "onnx") { String::new() } else { format!("{WITH_ONNX} (this program has no ONNX), then ") };
+        let absent = || CliError::usage(format!("the model {name} is not here yet")).hint(format!("{get}spf model get {name}"));
         if file.exists() { Ok((model, file)) } else { Err(absent()) }
     };
     Some(folder().and_then(here))
