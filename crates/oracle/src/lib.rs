@@ -63,7 +63,7 @@ pub use sight::{GroundTruthView, PerceivedObject, SIZE_SENT};
 pub use truth::{TruthTarget, resolve_truth};
 
 /// Latency of a list of detections, which comes from a detector instead of a VLM: that of a small one on a CPU.
-const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
+pub const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 
 /// A stand-in for a VLM. It is stateless, so clones are independent.
 ///

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use spf_core::time::duration_from_secs;
 use spf_detect::mono_depth::DepthKind;
-use spf_detect::published::{Published, Role};
+use spf_detect::published::Role;
 use spf_detect::{Bounds, DepthNetwork, DepthOptions, KINDS, NetworkError, OutputKind, Place};
 use spf_flight::depth_network::DepthPlan;
 
@@ -42,12 +42,9 @@ pub(crate) fn plan(settings: &Settings) -> Result<Option<(DepthPlan, String)>, C
 
 /// The file and what its output means: `FILE.onnx:KIND`.
 fn parts(named: &str) -> Result<(PathBuf, OutputKind), CliError> {
-    match model::published(named).transpose()? {
-        Some((Published { role: Role::Depth(kind), .. }, file)) => return Ok((file, *kind)),
-        Some((Published { role: Role::Detector, .. }, _)) => {
-            return Err(CliError::usage(format!("{named} is no depth network")).hint(format!("--detector {named}")));
-        }
-        None => {}
+    let published = model::published(named, |role| matches!(role, Role::Depth(_))).transpose()?;
+    if let Some((Role::Depth(kind), file)) = published {
+        return Ok((file, kind));
     }
     let hint = "the kind of output is not in the file, its documentation tells it (docs/guide/obstacles.md): disparity for Depth \
         Anything V2, relative for V3, metric for their metric models, canonical for V3's metric one";

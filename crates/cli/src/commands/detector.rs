@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use spf_core::time::Duration;
 use spf_detect::published::{Published, Role};
 use spf_detect::{Bounds, Detector, NetworkError, Place};
 use spf_flight::detector::{DetectorPlan, model_detects};
 use spf_flight::sim::{VlmFactory, oracle_factory};
+use spf_oracle::DETECTOR_LATENCY;
 
 use crate::commands::model;
 use crate::commands::vlm::{Pointing, oracle_named};
@@ -30,11 +30,8 @@ pub(crate) fn in_the_bench(settings: &Settings) -> Result<Option<DetectorPlan>, 
     }
     let detector = open(name)?;
     let name = detector.name().to_owned();
-    Ok(Some(DetectorPlan { name, factory: Some(model_detects(detector, Some(LATENCY))) }))
+    Ok(Some(DetectorPlan { name, factory: Some(model_detects(detector, Some(DETECTOR_LATENCY))) }))
 }
-
-/// Latency of the simulated detector.
-const LATENCY: Duration = Duration::from_millis(100);
 
 /// A detector.
 struct Detecting {
@@ -64,13 +61,8 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
 
 /// Loads the model of a file, or a published one, in a process of its own.
 pub(crate) fn open(name: &str) -> Result<Detector, CliError> {
-    let path = match model::published(name).transpose()? {
-        Some((Published { role: Role::Depth(_), .. }, _)) => {
-            return Err(CliError::usage(format!("{name} is no detector")).hint(format!("--depth-model {name}")));
-        }
-        Some((_, path)) => path,
-        None => PathBuf::from(name),
-    };
+    let published = model::published(name, |role| role == Role::Detector).transpose()?;
+    let path = published.map_or_else(|| PathBuf::from(name), |(_, path)| path);
     let place = Place::this_program(Bounds::default())
         .map_err(|error| CliError::internal("cannot tell where this program is").because(&error))?;
     Detector::open(&path, &place).map_err(|error| {

@@ -105,14 +105,17 @@ pub(crate) fn get(args: &ModelGet, printer: &Printer) -> Result<Exit, CliError> 
     Ok(Exit::Success)
 }
 
-/// The converted file of a published model; `None` if the name is none of theirs.
-pub(crate) fn published(name: &str) -> Option<Result<(&'static Published, PathBuf), CliError>> {
+/// The role and the converted file of a published model that is for this; `None` if the name is none of theirs.
+pub(crate) fn published(name: &str, is_for: fn(Role) -> bool) -> Option<Result<(Role, PathBuf), CliError>> {
     let model = Published::named(name)?;
+    if !is_for(model.role) {
+        return Some(Err(CliError::usage(format!("{name} is for another flag")).hint(flag(model))));
+    }
     let here = |folder: PathBuf| {
         let file = model.file(&folder);
         let get = if cfg!(feature = "onnx") { String::new() } else { format!("{WITH_ONNX} (this program has no ONNX), then ") };
         let absent = || CliError::usage(format!("the model {name} is not here yet")).hint(format!("{get}spf model get {name}"));
-        if file.exists() { Ok((model, file)) } else { Err(absent()) }
+        if file.exists() { Ok((model.role, file)) } else { Err(absent()) }
     };
     Some(folder().and_then(here))
 }

@@ -14,7 +14,7 @@ mod scaling;
 mod stand_in;
 
 pub(crate) use craft::WithDepth;
-pub use network::OnnxDepth;
+use network::OnnxDepth;
 pub use picture::picture;
 pub use stand_in::StandIn;
 

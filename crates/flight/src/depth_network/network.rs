@@ -10,7 +10,7 @@ use spf_media::Rgb;
 use super::EstimatesDepth;
 
 /// The network of an ONNX file.
-pub struct OnnxDepth(pub DepthNetwork);
+pub(super) struct OnnxDepth(pub(super) DepthNetwork);
 
 impl EstimatesDepth for OnnxDepth {
     fn name(&self) -> &str {
