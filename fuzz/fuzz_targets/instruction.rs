@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use spf_core::tags::Tagged;
-use spf_oracle::{Placed, read_instruction, resolve_truth, unread};
+use spf_oracle::{Placed, account, read_instruction, resolve_truth};
 
 fuzz_target!(|text: &str| {
     let tagged = |id, name: &str, colour: &str| Tagged {
@@ -22,7 +22,8 @@ fuzz_target!(|text: &str| {
     assert_eq!(reading, read_instruction(text, &objects, None));
     // Words quoted to the user are in the text, except for white space.
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(unread(text, &objects, None).iter().all(|part| !part.is_empty() && words.contains(part.as_str())));
+    let told = account(text, &objects, None);
+    assert!(told.dropped.iter().chain(&told.unused).all(|part| !part.is_empty() && words.contains(part.as_str())));
     let truth = resolve_truth(text, &objects, None);
     assert_eq!(truth.fits, !truth.objects.is_empty());
 });

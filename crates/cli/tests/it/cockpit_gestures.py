@@ -56,13 +56,16 @@ def cutting(browser):
     page.keyboard.up("Enter")
     stays(page, "Enter held")
     expect(page.locator("#cutting")).to_be_hidden(timeout=8000)
+    page.locator("#cut").click()
+    expect(page.locator("#cutting")).to_be_visible()
+    shot(page, "laptop-dark-cutting")
+    # Looking for barriers takes longer than the offer stands, on a busy machine: what follows has an offer of its own.
+    accessible(page, "cutting")
+    expect(page.locator("#cutting")).to_be_hidden(timeout=8000)
     # Offered, at another place; let go too early, and moved away.
     for early in (True, False):
         page.locator("#cut").click()
         expect(page.locator("#cutting")).to_be_visible()
-        shot(page, "laptop-dark-cutting")
-        if early:
-            accessible(page, "cutting")
         cut, ring = page.locator("#cut").bounding_box(), page.locator("#ring").bounding_box()
         assert ring["y"] > cut["y"] + cut["height"], (cut, ring)
         page.mouse.move(*middle(page, "#ring"))
