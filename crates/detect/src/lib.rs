@@ -4,7 +4,7 @@
 //! A [`Detector`] returns the objects in an image, a [`DepthNetwork`] its depths. The network itself needs the feature `onnx`, and runs
 //! in a process of its own, with bounded memory and time ([`Place`]). The parts around it are common to models of a kind: for
 //! detectors the [`letterbox`], which converts an image to the network's input, and [`decode`], which converts its output to boxes;
-//! for depth networks the scale of their depth, [`mono_depth`], and the [`triangulation`] that tells it from a moving camera. No model is
+//! for depth networks the scale of their depth, [`mono_depth`]. No model is
 //! included.
 
 #![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "pre- and postprocessing are only used with a network"))]
@@ -28,7 +28,6 @@ mod output_kind;
 mod process;
 pub mod published;
 mod trial;
-pub mod triangulation;
 pub mod windows;
 mod wire;
 pub mod worker;

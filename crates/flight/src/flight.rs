@@ -195,7 +195,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
             let network = (plan.network)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
             match clock {
                 Clock::Virtual => Box::new(WithDepth::in_virtual_time(drone, network, &plan)),
-                _ => Box::new(WithDepth::in_threads(drone, network, &plan).map_err(FlightError::Thread)?),
+                _ => Box::new(WithDepth::in_a_thread(drone, network, &plan).map_err(FlightError::Thread)?),
             }
         }
         None => drone,

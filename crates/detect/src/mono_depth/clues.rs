@@ -8,7 +8,6 @@ use spf_core::ranges::{RangeRay, RangeScan};
 
 use super::MonoDepth;
 use super::fit::Sample;
-use crate::triangulation::StaticPoint;
 
 /// Nearer than this nothing is used, metres.
 const NEAREST: f64 = 0.3;
@@ -20,8 +19,6 @@ const GROUND_SLOPE: f64 = 0.0875;
 const GROUND_CELLS: usize = 400;
 /// A wider beam tells nothing of a place in the image, radians.
 const BEAM: f64 = 0.6;
-/// Columns and rows of the parts by which the spread of samples over the image is judged.
-const PARTS: (f64, f64) = (4.0, 3.0);
 
 /// A scan of range sensors, with the pose of the craft when it was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,8 +34,6 @@ pub struct PastScan {
 pub struct Clues<'a> {
     /// Pose of the camera.
     pub pose: Pose,
-    /// Triangulated points.
-    pub points: &'a [StaticPoint],
     /// Scans of range sensors at about that time.
     pub scans: &'a [PastScan],
     /// Height of the camera above level ground, metres, if it is known.
@@ -54,23 +49,6 @@ pub(super) struct Samples {
 impl Clues<'_> {
     fn axes(&self, estimate: &MonoDepth) -> CameraAxes {
         CameraAxes::new(&estimate.camera, self.pose)
-    }
-
-    /// The triangulated points in view.
-    pub(super) fn by_parallax(&self, estimate: &MonoDepth) -> Samples {
-        let axes = self.axes(estimate);
-        let mut deviations = Vec::new();
-        let samples = self.points.iter().filter_map(|point| {
-            let (depth, at) = in_image(&axes, &estimate.camera, point.place)?;
-            let sample = Sample { value: at_place(estimate, at)?, depth, part: part(at) };
-            deviations.push(point.log_sd);
-            Some(sample)
-        });
-        let samples = samples.collect();
-        // What is wrong with one range is wrong with nearly all of them: motion, rotation.
-        deviations.sort_by(f64::total_cmp);
-        let common = deviations.get(deviations.len() / 2).copied().unwrap_or(f64::INFINITY);
-        Samples { samples, common }
     }
 
     /// Cells below the horizon, as if all of them showed level ground.
@@ -89,7 +67,7 @@ impl Clues<'_> {
             let depth = height / -along.up;
             if -along.up > GROUND_SLOPE * level && (NEAREST..GROUND_REACH).contains(&depth) {
                 slopes.push(libm::atan2(-along.up, level));
-                cells.push(Sample { value, depth, part: part(at) });
+                cells.push(Sample { value, depth });
             }
         }
         let step = cells.len().div_ceil(GROUND_CELLS).max(1);
@@ -111,7 +89,7 @@ impl Clues<'_> {
             // Whatever was hit is the nearest thing within the beam.
             let radius = 0.5 * ray.width * camera.fx;
             let value = nearest(estimate, at, radius)?;
-            Some(Sample { value, depth, part: part(at) })
+            Some(Sample { value, depth })
         };
         let rays = self.scans.iter().flat_map(|past| past.scan.rays.iter().map(|ray| (past.pose, ray)));
         let samples = rays.filter(|(_, ray)| ray.is_valid() && ray.width <= BEAM).filter_map(|(pose, ray)| of_ray(pose, ray));
@@ -133,11 +111,6 @@ fn in_image(axes: &CameraAxes, camera: &Camera, place: EnuPosition) -> Option<(f
     (seen.forward >= NEAREST).then_some((seen.forward, at))
 }
 
-fn part(at: ImagePoint) -> u8 {
-    // Both are within the image.
-    ((at.v * PARTS.1).min(PARTS.1 - 1.0) as u8) * PARTS.0 as u8 + (at.u * PARTS.0).min(PARTS.0 - 1.0) as u8
-}
-
 fn centre(camera: &Camera, index: usize) -> ImagePoint {
     let (width, height) = (camera.width.max(1) as usize, camera.height.max(1));
     let place = |i: usize, of: f64| (i as f64 + 0.5) / of;
@@ -156,11 +129,6 @@ fn values(estimate: &MonoDepth, at: ImagePoint, radius: f64) -> Vec<f64> {
         range(at.v, height).flat_map(|y| range(at.u, width).filter_map(move |x| estimate.value(y * width + x))).collect();
     found.sort_by(f64::total_cmp);
     found
-}
-
-/// The value of the cell at a place. Not a mean over several: its error is that of all the others.
-fn at_place(estimate: &MonoDepth, at: ImagePoint) -> Option<f64> {
-    values(estimate, at, 0.0).first().copied()
 }
 
 /// The value of what is nearest around a place: the tenth of the values that is nearest counts as noise.

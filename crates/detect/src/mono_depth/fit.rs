@@ -14,8 +14,6 @@ pub(super) struct Sample {
     pub(super) value: f64,
     /// Depth along the optical axis, metres.
     pub(super) depth: f64,
-    /// Where in the image: one of the parts by which the spread of samples is judged.
-    pub(super) part: u8,
 }
 
 /// What is asked of the samples of a source.

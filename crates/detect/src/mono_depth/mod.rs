@@ -1,7 +1,7 @@
 //! Depth that a network estimates from one frame, and its scale (`docs/guide/obstacles.md`, "A depth network").
 //!
 //! Most networks know which of two things is nearer, but not how far away either is. [`MonoDepth`] is what such a network gives for a
-//! frame; [`Scale`] turns it into metres, by what is known of distances in that frame: triangulated points, the ground, range sensors.
+//! frame; [`Scale`] turns it into metres, by what is known of distances in that frame: the ground, range sensors.
 //! Without any of these there are no metres.
 
 mod clues;

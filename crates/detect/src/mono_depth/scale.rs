@@ -22,19 +22,14 @@ const CONTRADICTION: f64 = 3.0;
 /// the distance does that from row to row too.
 const BLURRED: (f64, f64) = (1.15, 1.5);
 
-const PARALLAX: Demand = Demand { fewest: 8, part: 0.6, spread: 0.08, independent: 6.0 };
 const GROUND: Demand = Demand { fewest: 40, part: 0.4, spread: 0.08, independent: 10.0 };
 const RANGES: Demand = Demand { fewest: 1, part: 0.6, spread: 0.15, independent: 6.0 };
-/// Number of parts of the image, of twelve, in which points must be.
-const SPREAD_PARTS: u32 = 3;
 /// The farthest ground must be this many times as far away as the nearest.
 const GROUND_EXTENT: f64 = 1.6;
 
 /// What tells the scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScaleSource {
-    /// Triangulated points.
-    Parallax,
     /// The ground, from a known height.
     Ground,
     /// Range sensors.
@@ -48,7 +43,6 @@ impl ScaleSource {
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            Self::Parallax => "parallax",
             Self::Ground => "the ground",
             Self::Ranges => "range sensors",
             Self::Network => "the network itself",
@@ -105,9 +99,7 @@ impl Scale {
         let agree = || samples.iter().filter(|sample| fit.agrees(sample));
         let near = agree().map(|sample| sample.depth).fold(f64::INFINITY, f64::min);
         let far = agree().map(|sample| sample.depth).fold(0.0, f64::max);
-        let parts = agree().fold(0_u16, |parts, sample| parts | 1 << sample.part);
         let is_spread = match source {
-            ScaleSource::Parallax => parts.count_ones() >= SPREAD_PARTS,
             ScaleSource::Ground => far >= GROUND_EXTENT * near,
             ScaleSource::Ranges | ScaleSource::Network => true,
         };
@@ -126,7 +118,7 @@ impl Scale {
             common_sd: CLAIMED,
             farthest: FARTHEST,
             // The rest is the spread about a scale, as with other sources.
-            fit: Fit::claimed(PARALLAX.spread),
+            fit: Fit::claimed(GROUND.spread),
         }
     }
 
@@ -150,7 +142,6 @@ impl MonoDepth {
         let mut found = Vec::new();
         let mut refused = None;
         let sources = [
-            Scale::of(ScaleSource::Parallax, self, clues.by_parallax(self), PARALLAX),
             Scale::of(ScaleSource::Ranges, self, clues.by_ranges(self), RANGES),
             Scale::of(ScaleSource::Ground, self, clues.by_ground(self), GROUND),
         ];
@@ -158,7 +149,7 @@ impl MonoDepth {
             match source {
                 Some(Ok(scale)) => found.push(scale),
                 // Much of what is below the horizon may be no ground: that says nothing against the network.
-                Some(Err(why)) if index < 2 => refused = Some(why),
+                Some(Err(why)) if index == 0 => refused = Some(why),
                 Some(Err(_)) | None => {}
             }
         }

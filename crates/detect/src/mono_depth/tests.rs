@@ -10,7 +10,6 @@ use spf_core::rng::RandomStream;
 use spf_space::obstacle_map::{Cell, CellState, ObstacleMap};
 
 use super::*;
-use crate::triangulation::StaticPoint;
 
 const HEIGHT: f64 = 2.0;
 const WALL: f64 = 6.0;
@@ -57,23 +56,25 @@ fn metric() -> MonoDepth {
     output(DepthKind::Metric, 0.0, |z| 1.3 * z)
 }
 
-fn clues<'a>(points: &'a [StaticPoint], scans: &'a [PastScan], height: Option<f64>) -> Clues<'a> {
-    Clues { pose: pose(), points, scans, height }
+fn clues(scans: &[PastScan], height: Option<f64>) -> Clues<'_> {
+    Clues { pose: pose(), scans, height }
 }
 
-/// Points on the wall and on the ground; every `wrong`th of them, if any, is at half of its range.
-fn points(wrong: usize) -> Vec<StaticPoint> {
+/// Ranges to the wall and to the ground; every `wrong`th of them, if any, is half of what it should be.
+fn ranges(wrong: usize) -> Vec<PastScan> {
     let camera = Camera::quad();
-    let axes = CameraAxes::new(&camera, pose());
+    let axes = CameraAxes::new(&camera, Pose { position: EnuPosition::default(), ..pose() });
     let grid = (1..8).flat_map(|x| (1..8).map(move |y| (x, y)));
-    let point = |(id, (x, y)): (usize, (u32, u32))| {
+    let ray = |(id, (x, y)): (usize, (u32, u32))| {
         let at = ImagePoint { u: f64::from(x) / 8.0, v: f64::from(y) / 8.0 };
-        let depth = truth(&camera, at) * if wrong > 0 && id % wrong == 0 { 0.5 } else { 1.0 };
         let ray = camera.ray(at);
-        let place = axes.place(ray.right * depth, depth, ray.up * depth);
-        StaticPoint { id: id as u32, place, range: place.distance(pose().position), log_sd: 0.1 }
+        let along = axes.place(ray.right, 1.0, ray.up);
+        let level = along.horizontal_distance(EnuPosition::default());
+        let metres = truth(&camera, at) * libm::hypot(level, along.up) * if wrong > 0 && id % wrong == 0 { 0.5 } else { 1.0 };
+        let (azimuth, elevation) = (libm::atan2(along.east, along.north), libm::atan2(along.up, level));
+        RangeRay { azimuth, elevation, width: 0.0, metres: Some(metres), reach: 100.0 }
     };
-    grid.enumerate().map(point).collect()
+    scan(grid.enumerate().map(ray).collect())
 }
 
 fn scan(rays: Vec<RangeRay>) -> Vec<PastScan> {
@@ -106,8 +107,8 @@ fn errors(metres: &Metres) -> (f64, f64) {
 
 #[test]
 fn each_kind_gives_the_metres_of_the_room_by_each_source() {
-    let (points, rangefinder) = (points(0), rangefinder());
-    let sources = [(clues(&points, &[], None), ScaleSource::Parallax), (clues(&[], &[], Some(HEIGHT)), ScaleSource::Ground)];
+    let (ranges, rangefinder) = (ranges(0), rangefinder());
+    let sources = [(clues(&ranges, None), ScaleSource::Ranges), (clues(&[], Some(HEIGHT)), ScaleSource::Ground)];
     for estimate in [disparity(), relative(), metric()] {
         for (clues, source) in sources {
             let (metres, scale) = estimate.in_metres(&clues).unwrap();
@@ -120,7 +121,7 @@ fn each_kind_gives_the_metres_of_the_room_by_each_source() {
     }
     // One range is enough for a scale, not for a shift.
     for estimate in [relative(), metric(), output(DepthKind::Disparity, 0.0, |z| 40.0 / z)] {
-        let (metres, scale) = estimate.in_metres(&clues(&[], &rangefinder, None)).unwrap();
+        let (metres, scale) = estimate.in_metres(&clues(&rangefinder, None)).unwrap();
         assert_eq!(scale.source, ScaleSource::Ranges);
         assert!(errors(&metres).1 < 0.1, "{:?}: {:?}", estimate.kind, errors(&metres));
     }
@@ -128,15 +129,13 @@ fn each_kind_gives_the_metres_of_the_room_by_each_source() {
 
 #[test]
 fn without_a_scale_there_are_no_metres() {
-    let nothing = clues(&[], &[], None);
+    let nothing = clues(&[], None);
     for estimate in [disparity(), relative()] {
         assert_eq!(estimate.in_metres(&nothing).map(|_| ()), Err(NoScale::NoClues));
         // On the ground, the ground tells nothing.
-        assert_eq!(estimate.in_metres(&clues(&[], &[], Some(0.1))).map(|_| ()), Err(NoScale::NoClues));
-        assert_eq!(estimate.in_metres(&clues(&[], &[], Some(f64::NAN))).map(|_| ()), Err(NoScale::NoClues));
+        assert_eq!(estimate.in_metres(&clues(&[], Some(0.1))).map(|_| ()), Err(NoScale::NoClues));
+        assert_eq!(estimate.in_metres(&clues(&[], Some(f64::NAN))).map(|_| ()), Err(NoScale::NoClues));
     }
-    let few = &points(0)[..5];
-    assert!(relative().in_metres(&clues(few, &[], None)).is_err());
     // Its own metres are taken as such, with a quarter of error.
     let (metres, scale) = metric().in_metres(&nothing).unwrap();
     assert_eq!(scale.source, ScaleSource::Network);
@@ -145,15 +144,15 @@ fn without_a_scale_there_are_no_metres() {
 }
 
 #[test]
-fn wrong_points_are_outvoted_and_what_fits_nothing_is_refused() {
-    let points = points(3);
+fn wrong_ranges_are_outvoted_and_what_fits_nothing_is_refused() {
+    let ranges = ranges(3);
     for estimate in [disparity(), relative(), metric()] {
-        let (metres, _) = estimate.in_metres(&clues(&points, &[], None)).unwrap();
+        let (metres, _) = estimate.in_metres(&clues(&ranges, None)).unwrap();
         assert!(errors(&metres).1 < 0.1, "{:?}: {}", estimate.kind, errors(&metres).1);
     }
     // A network that says the opposite of what it was stated to say, and one that says the same everywhere.
     for wrong in [output(DepthKind::Relative, 0.0, |z| 1.0 / (z * z)), output(DepthKind::Disparity, 0.0, |z| z * z)] {
-        let refused = wrong.in_metres(&clues(&points, &[], Some(HEIGHT)));
+        let refused = wrong.in_metres(&clues(&ranges, Some(HEIGHT)));
         assert!(refused.is_err(), "{:?}: {:?}", wrong.kind, refused.map(|(_, scale)| scale));
     }
 }
@@ -163,19 +162,19 @@ fn a_wall_is_no_ground() {
     // Nothing but a wall in view, all at about the same depth.
     let camera = Camera::quad();
     let flat = MonoDepth::new((FrameId(1), Time::ZERO), &camera, DepthKind::Relative, SIZE, &vec![0.4; SIZE.0 * SIZE.1]).unwrap();
-    let refused = flat.in_metres(&clues(&[], &[], Some(HEIGHT)));
+    let refused = flat.in_metres(&clues(&[], Some(HEIGHT)));
     assert_eq!(refused.map(|_| ()), Err(NoScale::NoClues));
 }
 
 #[test]
 fn sources_that_contradict_each_other_make_the_scale_less_sure() {
-    let points = points(0);
-    let alone = relative().in_metres(&clues(&points, &[], None)).unwrap().1;
+    let ranges = ranges(0);
+    let alone = [clues(&ranges, None), clues(&[], Some(HEIGHT))].map(|clues| relative().in_metres(&clues).unwrap().1);
     // As if the ground were much farther below.
-    let contradicted = relative().in_metres(&clues(&points, &[], Some(3.0 * HEIGHT))).map(|(_, scale)| scale);
+    let contradicted = relative().in_metres(&clues(&ranges, Some(3.0 * HEIGHT))).map(|(_, scale)| scale);
     assert_eq!(contradicted, Err(NoScale::Uncertain));
-    let agreed = relative().in_metres(&clues(&points, &[], Some(HEIGHT))).unwrap().1;
-    assert_eq!(agreed.common_sd, alone.common_sd);
+    let agreed = relative().in_metres(&clues(&ranges, Some(HEIGHT))).unwrap().1;
+    assert!(alone.contains(&agreed), "{agreed:?} of {alone:?}");
 }
 
 /// A kind, and the value that a network of it gives a depth.
@@ -184,13 +183,13 @@ type Maker = (DepthKind, fn(f64) -> f64);
 /// With noise of 15 % a third of the depths at most are off by more than a standard deviation.
 #[test]
 fn the_stated_error_contains_the_noise() {
-    let points = points(0);
+    let ranges = ranges(0);
     let makers: [Maker; 3] =
         [(DepthKind::Disparity, |z| 40.0 / z + 3.0), (DepthKind::Relative, |z| 0.07 * z), (DepthKind::Metric, |z| 1.3 * z)];
     for (kind, value) in makers {
         // The median of a cell takes some of the noise of its pixels away.
         let noisy = output(kind, 0.3, value);
-        for clues in [clues(&points, &[], None), clues(&[], &[], Some(HEIGHT))] {
+        for clues in [clues(&ranges, None), clues(&[], Some(HEIGHT))] {
             let (metres, scale) = noisy.in_metres(&clues).unwrap();
             let (beyond, _) = errors(&metres);
             assert!(beyond < 0.33, "{kind:?} by {:?}: {beyond}", scale.source);
@@ -200,7 +199,7 @@ fn the_stated_error_contains_the_noise() {
 
 #[test]
 fn the_map_gets_the_wall_and_the_nearer_half_of_the_way_to_it() {
-    let (metres, _) = relative().in_metres(&clues(&points(0), &[], None)).unwrap();
+    let (metres, _) = relative().in_metres(&clues(&ranges(0), None)).unwrap();
     let mut map = ObstacleMap::new();
     map.advance(Time::ZERO, pose().position);
     map.depth(&metres.grid, pose());
@@ -242,22 +241,17 @@ proptest! {
         kind in any_kind(),
         (width, output) in (1_usize..120).prop_flat_map(|width| (Just(width), prop::collection::vec(any_value(), width..width * 20))),
         height in prop::option::of(any::<f64>()),
-        known in prop::collection::vec((any_value(), any_value()), 0..20),
-        metres in prop::option::of(any::<f64>()),
+        known in prop::collection::vec((-0.7_f64..0.7, -0.5_f64..0.5, prop::option::of(any_value())), 0..20),
     ) {
         let rows = output.len() / width;
         let Ok(estimate) =
             MonoDepth::new((FrameId(1), Time::ZERO), &Camera::quad(), kind, (width, rows), &output[..rows * width])
         else { return Ok(()) };
         prop_assert!(estimate.is_valid());
-        let points: Vec<StaticPoint> = known.iter().enumerate().map(|(id, (away, sd))| StaticPoint {
-            id: id as u32,
-            place: EnuPosition { east: f64::from(*sd), north: f64::from(*away), up: HEIGHT },
-            range: f64::from(*away),
-            log_sd: f64::from(*sd),
-        }).collect();
-        let scans = scan(vec![RangeRay { azimuth: 0.0, elevation: 0.0, width: 0.3, metres, reach: 10.0 }]);
-        if let Ok((metres, scale)) = estimate.in_metres(&clues(&points, &scans, height)) {
+        let scans = scan(known.iter().map(|&(azimuth, elevation, metres)| RangeRay {
+            azimuth, elevation, width: 0.3, metres: metres.map(f64::from), reach: 10.0,
+        }).collect());
+        if let Ok((metres, scale)) = estimate.in_metres(&clues(&scans, height)) {
             prop_assert!(metres.grid.check().is_ok() && metres.log_sd.len() == metres.grid.cm.len());
             prop_assert!(scale.farthest <= 12.0);
             for (cm, sd) in metres.grid.cm.iter().zip(&metres.log_sd) {

@@ -57,7 +57,7 @@ fn options(kind: OutputKind) -> DepthOptions {
 
 /// The errors of the logarithm of depth, of which one in fifty is larger, and what tells the scale.
 fn error(estimate: &MonoDepth, height: Option<f64>) -> (f64, ScaleSource) {
-    let clues = Clues { pose: pose(), points: &[], scans: &[], height };
+    let clues = Clues { pose: pose(), scans: &[], height };
     let (metres, scale) = estimate.in_metres(&clues).unwrap();
     let camera = metres.grid.camera;
     let of = |(index, cm): (usize, &u16)| {
@@ -171,7 +171,7 @@ proptest! {
         }
         if let Ok(estimate) = network.estimate(FRAME, &Camera::quad(), &image) {
             prop_assert!(estimate.is_valid());
-            let clues = Clues { pose: pose(), points: &[], scans: &[], height: None };
+            let clues = Clues { pose: pose(), scans: &[], height: None };
             if let Ok((metres, _)) = estimate.in_metres(&clues) {
                 prop_assert!(metres.grid.cm.iter().all(|cm| *cm == 0 || (20..=1200).contains(cm)));
             }

@@ -10,43 +10,29 @@ use spf_core::frame::FrameMeta;
 use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
 use spf_detect::mono_depth::{FARTHEST, MonoDepth};
-use spf_detect::triangulation::PointReport;
 use spf_drone::frames::{Frames, Photo};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_envelope::Cleared;
 
 use super::beside::Beside;
-use super::points::PointFollower;
 use super::scaling::Scaling;
 use super::{DepthPlan, EstimatesDepth, Estimator};
-use crate::tracking::INTERVAL;
-use crate::tracking::attitudes::Attitudes;
-
-/// A camera's clock is not exact: a frame may come this much too early.
-const SLACK: Duration = Duration::from_millis(10);
 
 /// A craft with a depth network beside it: to whoever flies it, one with a depth sensor.
 pub(crate) struct WithDepth {
     drone: Box<dyn Drone>,
     frames: Arc<dyn Frames>,
     scaling: Scaling,
-    attitudes: Attitudes,
     /// Whether the craft flies.
     flies: bool,
-    /// The last frame in which points were followed: when it was captured, and its counter.
-    followed: Option<(Time, u64)>,
     work: Work,
 }
 
-/// A frame, and the attitudes until then.
-type Seen = (FrameMeta, Photo, Attitudes);
-
-/// Where points are followed and the network runs.
+/// Where the network runs.
 enum Work {
     /// At once, in virtual time: how often the network is asked, and how long it takes, are stated, so that the flight does not depend
     /// on the machine that simulates it.
     Virtual {
-        follower: Box<PointFollower>,
         estimator: Box<Estimator>,
         period: Duration,
         latency: Duration,
@@ -54,8 +40,8 @@ enum Work {
         /// With the times at which a computer in flight would have them.
         estimates: VecDeque<(Time, MonoDepth)>,
     },
-    /// In threads of their own.
-    Threads { points: Beside<Seen, PointReport>, network: Beside<(FrameMeta, Photo), MonoDepth> },
+    /// In a thread of its own.
+    Thread(Beside<(FrameMeta, Photo), MonoDepth>),
 }
 
 impl WithDepth {
@@ -64,7 +50,6 @@ impl WithDepth {
         let &DepthPlan { period, latency, .. } = plan;
         let camera = drone.capabilities().camera;
         let work = Work::Virtual {
-            follower: Box::new(PointFollower::new(&camera)),
             estimator: Box::new(Estimator::new(network, camera, plan.given_up.clone())),
             // The network works on one image at a time.
             period: period.max(latency),
@@ -78,25 +63,24 @@ impl WithDepth {
     /// A network for a craft on the wall clock.
     ///
     /// # Errors
-    /// The operating system's error if a thread cannot be started.
-    pub(crate) fn in_threads(drone: Box<dyn Drone>, network: Box<dyn EstimatesDepth>, plan: &DepthPlan) -> std::io::Result<Self> {
+    /// The operating system's error if the thread cannot be started.
+    pub(crate) fn in_a_thread(
+        drone: Box<dyn Drone>,
+        network: Box<dyn EstimatesDepth>,
+        plan: &DepthPlan,
+    ) -> std::io::Result<Self> {
         let camera = drone.capabilities().camera;
-        let (mut follower, mut estimator) = (PointFollower::new(&camera), Estimator::new(network, camera, plan.given_up.clone()));
-        let points = move |(meta, photo, attitudes): Seen| Some(follower.follow(&meta, &photo, &attitudes));
+        let mut estimator = Estimator::new(network, camera, plan.given_up.clone());
         let network = move |(meta, photo): (FrameMeta, Photo)| {
             let began = Instant::now();
             estimator.estimate(&meta, &photo, || began.elapsed())
         };
-        let work = Work::Threads {
-            points: Beside::start("points", Duration::ZERO, points)?,
-            network: Beside::start("depth", plan.period, network)?,
-        };
-        Ok(Self::new(drone, work))
+        Ok(Self::new(drone, Work::Thread(Beside::start("depth", plan.period, network)?)))
     }
 
     fn new(drone: Box<dyn Drone>, work: Work) -> Self {
         let (frames, scaling) = (drone.frames(), Scaling::new(&drone.capabilities()));
-        Self { drone, frames, scaling, attitudes: Attitudes::default(), flies: false, followed: None, work }
+        Self { drone, frames, scaling, flies: false, work }
     }
 
     /// Notes an event of the craft.
@@ -104,7 +88,6 @@ impl WithDepth {
         match event {
             DroneEvent::Telemetry(telemetry) => {
                 self.flies = telemetry.phase.is_flying();
-                self.attitudes.add(telemetry.time, telemetry.attitude);
                 self.scaling.telemetry(now, telemetry);
             }
             DroneEvent::Gimbal(report) => self.scaling.gimbal(*report),
@@ -116,39 +99,20 @@ impl WithDepth {
     }
 
     pub(super) fn frame(&mut self, now: Time, meta: &FrameMeta) {
-        let follows = self.followed.is_none_or(|(captured, counter)| {
-            meta.captured > captured && meta.capture_counter != counter && meta.captured.since(captured) + SLACK >= INTERVAL
-        });
-        let asks = match &self.work {
-            Work::Virtual { estimator, next, .. } => now >= *next && !estimator.is_over(),
-            Work::Threads { .. } => true,
-        };
-        if !follows && !asks {
+        if let Work::Virtual { estimator, next, .. } = &self.work
+            && (now < *next || estimator.is_over())
+        {
             return;
         }
         // The frame is held from now on: its camera may drop it within a second.
         let Some(photo) = self.frames.photo(meta.id) else { return };
-        if follows {
-            self.followed = Some((meta.captured, meta.capture_counter));
-        }
         match &mut self.work {
-            Work::Virtual { follower, estimator, period, latency, next, estimates } => {
-                if follows {
-                    let report = follower.follow(meta, &photo, &self.attitudes);
-                    self.scaling.points(now, &report);
-                }
-                if asks {
-                    *next = now + *period;
-                    let found = estimator.estimate(meta, &photo, || *latency);
-                    estimates.extend(found.map(|estimate| (now + *latency, estimate)));
-                }
+            Work::Virtual { estimator, period, latency, next, estimates } => {
+                *next = now + *period;
+                let found = estimator.estimate(meta, &photo, || *latency);
+                estimates.extend(found.map(|estimate| (now + *latency, estimate)));
             }
-            Work::Threads { points, network } => {
-                if follows {
-                    points.put((*meta, photo.clone(), self.attitudes.clone()));
-                }
-                network.put((*meta, photo));
-            }
+            Work::Thread(network) => network.put((*meta, photo)),
         }
     }
 
@@ -156,7 +120,7 @@ impl WithDepth {
     fn estimate_at(&self) -> Option<Time> {
         match &self.work {
             Work::Virtual { estimates, .. } => estimates.front().map(|(at, _)| *at),
-            Work::Threads { .. } => None,
+            Work::Thread(_) => None,
         }
     }
 
@@ -165,12 +129,7 @@ impl WithDepth {
         loop {
             let (at, estimate) = match &mut self.work {
                 Work::Virtual { estimates, .. } => estimates.pop_front_if(|(due, _)| *due <= until)?,
-                Work::Threads { points, network } => {
-                    while let Some(report) = points.take() {
-                        self.scaling.points(until, &report);
-                    }
-                    (until, network.take()?)
-                }
+                Work::Thread(network) => (until, network.take()?),
             };
             if let Some(grid) = self.scaling.grid(at, &estimate) {
                 return Some((at, grid));

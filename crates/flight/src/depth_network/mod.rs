@@ -9,7 +9,6 @@ mod beside;
 mod craft;
 mod network;
 mod picture;
-mod points;
 mod scaling;
 mod stand_in;
 
@@ -27,7 +26,6 @@ use spf_core::time::{Duration, Time};
 use spf_detect::DepthNetwork;
 use spf_detect::mono_depth::{DepthKind, MonoDepth};
 use spf_drone::frames::Photo;
-use spf_media::{Rgb, Scaler};
 
 use crate::sim::{SimWorld, VlmFactoryError};
 
@@ -43,14 +41,11 @@ pub trait EstimatesDepth: Send {
     /// Its name.
     fn name(&self) -> &str;
 
-    /// Width and height of the images that it wants, pixels.
-    fn size(&self) -> (u32, u32);
-
-    /// The depth of a frame that `camera` took.
+    /// The depth of a frame that `camera` took, of which it takes the image in the size that it wants, if it looks at one.
     ///
     /// # Errors
     /// Why there is none, as text for a person.
-    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, image: &Rgb) -> Result<MonoDepth, String>;
+    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, photo: &Photo) -> Result<MonoDepth, String>;
 }
 
 /// Creates the network of a flight: in this simulated world, if it is one, and with this seed.
@@ -80,7 +75,7 @@ impl DepthPlan {
     pub fn onnx(network: DepthNetwork, period: Duration) -> Self {
         let (name, (width, height)) = (network.name().to_owned(), network.input());
         let details = format!("{name}:{} {width}x{height}", network.kind());
-        let factory: DepthFactory = Arc::new(move |_, _| Ok(Box::new(OnnxDepth(network.clone()))));
+        let factory: DepthFactory = Arc::new(move |_, _| Ok(Box::new(OnnxDepth::new(network.clone()))));
         Self { name, details, given_up: Arc::default(), network: factory, period, latency: LATENCY }
     }
 
@@ -100,14 +95,13 @@ impl DepthPlan {
 struct Estimator {
     network: Box<dyn EstimatesDepth>,
     camera: Camera,
-    scaler: Scaler,
     failures: u32,
     given_up: Arc<AtomicBool>,
 }
 
 impl Estimator {
     fn new(network: Box<dyn EstimatesDepth>, camera: Camera, given_up: Arc<AtomicBool>) -> Self {
-        Self { network, camera, scaler: Scaler::default(), failures: 0, given_up }
+        Self { network, camera, failures: 0, given_up }
     }
 
     /// Whether it has been given up.
@@ -120,8 +114,7 @@ impl Estimator {
         if self.is_over() {
             return None;
         }
-        let image = photo.at(self.network.size(), &mut self.scaler);
-        let found = self.network.estimate((meta.id, meta.captured), &self.camera, &image);
+        let found = self.network.estimate((meta.id, meta.captured), &self.camera, photo);
         let took = took();
         let found = match found {
             Ok(_) if took > TOO_LATE => Err(format!("it takes {:.1} s per image", took.as_secs_f64())),

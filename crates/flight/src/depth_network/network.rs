@@ -5,25 +5,34 @@ use spf_core::frame::FrameId;
 use spf_core::time::Time;
 use spf_detect::DepthNetwork;
 use spf_detect::mono_depth::MonoDepth;
-use spf_media::Rgb;
+use spf_drone::frames::Photo;
+use spf_media::Scaler;
 
 use super::EstimatesDepth;
 
 /// The network of an ONNX file.
-pub(super) struct OnnxDepth(pub(super) DepthNetwork);
+pub(super) struct OnnxDepth {
+    network: DepthNetwork,
+    scaler: Scaler,
+}
+
+impl OnnxDepth {
+    pub(super) fn new(network: DepthNetwork) -> Self {
+        Self { network, scaler: Scaler::default() }
+    }
+}
 
 impl EstimatesDepth for OnnxDepth {
     fn name(&self) -> &str {
-        self.0.name()
+        self.network.name()
     }
 
-    fn size(&self) -> (u32, u32) {
+    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, photo: &Photo) -> Result<MonoDepth, String> {
         // Sides are at most `spf_detect::MAX_SIDE`.
-        let (width, height) = self.0.input();
-        (width as u32, height as u32)
-    }
-
-    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, image: &Rgb) -> Result<MonoDepth, String> {
-        self.0.estimate(frame, camera, image).map_err(|error| error.to_string())
+        let (width, height) = self.network.input();
+        let image = photo.at((width as u32, height as u32), &mut self.scaler);
+        let found = self.network.estimate(frame, camera, &image).map_err(|error| error.to_string());
+        self.scaler.reuse(image);
+        found
     }
 }

@@ -11,7 +11,6 @@ use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_detect::mono_depth::{Clues, MonoDepth, NoScale, PastScan, Scale};
-use spf_detect::triangulation::{MotionError, PointReport, StaticPoint, Triangulation};
 use spf_drone::Capabilities;
 use spf_motion::estimator::MotionEstimator;
 
@@ -34,9 +33,6 @@ pub(super) struct Scaling {
     /// Measurement time of the newest telemetry.
     newest: Option<Time>,
     gimbal: Gimbal,
-    triangulation: Triangulation,
-    /// When the position was last lost, as far as the triangulation knows.
-    lost: Option<Time>,
     scans: VecDeque<PastScan>,
     /// Distance to the ground below, metres, if the last telemetry had it.
     below: Option<f64>,
@@ -54,8 +50,6 @@ impl Scaling {
             motion: MotionEstimator::new(&about.craft, about.senses),
             newest: None,
             gimbal: Gimbal::default(),
-            triangulation: Triangulation::new(MotionError::POSITION),
-            lost: None,
             scans: VecDeque::new(),
             below: None,
             sensed: None,
@@ -73,11 +67,6 @@ impl Scaling {
         self.newest = Some(time);
         self.motion.observe(&Telemetry { time, ..*telemetry });
         self.below = telemetry.ground_clearance.filter(|below| below.is_finite());
-        // Places of before a jump of the position are elsewhere now.
-        if self.motion.lost_track() != self.lost {
-            self.lost = self.motion.lost_track();
-            self.triangulation.clear();
-        }
     }
 
     /// Notes a setpoint, by which the motion between two reports is predicted.
@@ -103,14 +92,6 @@ impl Scaling {
         self.sensed = Some(now);
     }
 
-    /// Takes a report on the points that are followed, and gives the static ones. One of a frame whose pose is not known says nothing.
-    pub(super) fn points(&mut self, now: Time, report: &PointReport) -> &[StaticPoint] {
-        let Some(pose) = self.sight_at(report.captured.min(now)) else { return &[] };
-        let error = if self.motion.is_dead_reckoned() { MotionError::DEAD_RECKONED } else { MotionError::POSITION };
-        self.triangulation.set_error(error);
-        self.triangulation.observe(report, &self.camera, pose)
-    }
-
     /// The pose from which a camera that is fixed to the craft would see what the camera has seen; `None` if it is not known.
     fn sight_at(&self, at: Time) -> Option<Pose> {
         self.gimbal.sight(&self.camera, at, self.motion.pose_at(at)?)
@@ -126,7 +107,7 @@ impl Scaling {
         let (own, pose) = (self.motion.pose_at(captured)?, self.sight_at(captured)?);
         let apart = |past: &PastScan| past.scan.captured.since(captured).max(captured.since(past.scan.captured));
         let scans: Vec<PastScan> = self.scans.iter().filter(|past| apart(past) <= SIMULTANEOUS).cloned().collect();
-        let clues = Clues { pose, points: self.triangulation.points(), scans: &scans, height: self.height(pose) };
+        let clues = Clues { pose, scans: &scans, height: self.height(pose) };
         let metres = estimate.in_metres(&clues);
         self.report(&metres.as_ref().map(|(_, scale)| *scale).map_err(|why| *why));
         let mut grid = metres.ok()?.0.grid;

@@ -9,7 +9,7 @@ use spf_core::frame::FrameId;
 use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_detect::mono_depth::{DepthKind, MonoDepth};
-use spf_media::Rgb;
+use spf_drone::frames::Photo;
 
 use super::EstimatesDepth;
 use crate::sim::SimWorld;
@@ -61,11 +61,7 @@ impl EstimatesDepth for StandIn {
         &self.name
     }
 
-    fn size(&self) -> (u32, u32) {
-        SIZE
-    }
-
-    fn estimate(&mut self, (frame, captured): (FrameId, Time), camera: &Camera, _: &Rgb) -> Result<MonoDepth, String> {
+    fn estimate(&mut self, (frame, captured): (FrameId, Time), camera: &Camera, _: &Photo) -> Result<MonoDepth, String> {
         let small = camera.resized(SIZE.0, SIZE.1);
         let depths = self.world.depths(&small, captured).ok_or("the frame is too old")?;
         let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
@@ -116,6 +112,7 @@ mod tests {
     use std::sync::Arc;
 
     use spf_core::craft::CraftKind;
+    use spf_media::Rgb;
 
     use super::*;
     use crate::sim::LoadedScene;
@@ -126,11 +123,11 @@ mod tests {
         let start = loaded.scene.start;
         let world = SimWorld::new(loaded, CraftKind::Tello, start, 0);
         let camera = *world.camera();
-        let image = Rgb::new(1, 1);
+        let photo = Photo::received(Arc::new(Rgb::new(1, 1)));
         let truth = world.depths(&camera.resized(SIZE.0, SIZE.1), Time::ZERO).unwrap();
         let values = |error: f64, seed: u64| {
             let mut network = StandIn::new(world.clone(), (error, DepthKind::Relative), seed);
-            network.estimate((FrameId(0), Time::ZERO), &camera, &image).unwrap()
+            network.estimate((FrameId(0), Time::ZERO), &camera, &photo).unwrap()
         };
         assert_eq!(values(0.1, 3), values(0.1, 3));
         assert_ne!(values(0.1, 3), values(0.1, 4));

@@ -1,7 +1,5 @@
 //! A network beside a flight delays nothing, one that fails is left out, and what comes of it is depth in metres of the right frame.
 
-mod parallax;
-
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
@@ -18,6 +16,7 @@ use spf_detect::mono_depth::DepthKind;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_envelope::Cleared;
+use spf_media::Rgb;
 use spf_motion::estimator::TelemetryAccuracy;
 
 use super::scaling::Scaling;
@@ -35,12 +34,8 @@ impl EstimatesDepth for Fake {
         "fake.onnx"
     }
 
-    fn size(&self) -> (u32, u32) {
-        (8, 6)
-    }
-
-    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, image: &Rgb) -> Result<MonoDepth, String> {
-        assert_eq!((image.width(), image.height()), (8, 6));
+    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, photo: &Photo) -> Result<MonoDepth, String> {
+        assert_eq!(photo.size(), (16, 12));
         self.seen.lock().unwrap().push(frame.0.0);
         if self.go_on.as_ref().is_some_and(|go_on| go_on.recv().is_err()) || self.fails {
             return Err("it fails".to_owned());
@@ -216,7 +211,7 @@ fn the_flight_never_waits_for_the_network() {
     let began = Instant::now();
     let mut events = VecDeque::from([told(0, FlightPhase::Flying), frame(1)]);
     events.extend((1990..=2000).map(|n| told(n, FlightPhase::Flying)));
-    let mut drone = WithDepth::in_threads(Box::new(Scripted(events)), Box::new(network), &plan(1)).unwrap();
+    let mut drone = WithDepth::in_a_thread(Box::new(Scripted(events)), Box::new(network), &plan(1)).unwrap();
     let now = Time::from_millis(200_000);
     let mut passed = 0;
     while drone.next_event(now).is_some() {
