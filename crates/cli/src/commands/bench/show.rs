@@ -9,15 +9,18 @@ use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 
-use super::{networks, pointer};
+use super::{foreign, networks, pointer};
 use crate::args::BenchShow;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
 
-/// Flies a trial again.
+/// Flies a trial again, or shows the task of a file.
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
+    if foreign::is_file(&args.run_id) {
+        return foreign::show(args, printer);
+    }
     let mut settings = Settings::of(&args.settings, printer)?;
     let trial = trial(args, &mut settings)?;
     let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("cannot set up the trial").because(&error))?;
