@@ -6,7 +6,7 @@ use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::ImportError;
+use super::{EpisodeError, ImportError};
 
 /// Maximum number of episodes of a file.
 pub(super) const MOST_EPISODES: usize = 200_000;
@@ -77,14 +77,15 @@ impl<'a> Episode<'a> {
 
     /// An error in one of its keys.
     pub(super) fn wrong(&self, key: &str, expected: impl Into<String>, found: impl Into<String>) -> ImportError {
-        ImportError::Episode {
+        Box::new(EpisodeError {
             file: self.file.to_owned(),
             number: self.number,
             id: self.id.clone(),
             key: if key.is_empty() { "(whole)".to_owned() } else { key.to_owned() },
             expected: expected.into(),
             found: found.into(),
-        }
+        })
+        .into()
     }
 
     /// The value at a key: names and numbers of entries, joined by `.`.

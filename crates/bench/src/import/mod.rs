@@ -33,22 +33,27 @@ pub enum ImportError {
         message: String,
     },
     /// An episode is invalid.
-    #[error("`{file}`, episode {number}{}, key `{key}`: expected {expected}, found {found}",
-        id.as_ref().map_or_else(String::new, |id| format!(" (`{id}`)")))]
-    Episode {
-        /// The file.
-        file: String,
-        /// Its place in the list, from 1.
-        number: usize,
-        /// Its id, if it has one.
-        id: Option<String>,
-        /// The key, with those above it.
-        key: String,
-        /// What should be there.
-        expected: String,
-        /// What is there.
-        found: String,
-    },
+    #[error(transparent)]
+    Episode(#[from] Box<EpisodeError>),
+}
+
+/// What is wrong with an episode.
+#[derive(Debug, thiserror::Error)]
+#[error("`{file}`, episode {number}{}, key `{key}`: expected {expected}, found {found}",
+    id.as_ref().map_or_else(String::new, |id| format!(" (`{id}`)")))]
+pub struct EpisodeError {
+    /// The file.
+    pub file: String,
+    /// Its place in the list, from 1.
+    pub number: usize,
+    /// Its id, if it has one.
+    pub id: Option<String>,
+    /// The key, with those above it.
+    pub key: String,
+    /// What should be there.
+    pub expected: String,
+    /// What is there.
+    pub found: String,
 }
 
 /// An instruction set.

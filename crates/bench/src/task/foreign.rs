@@ -228,8 +228,8 @@ impl ForeignTask {
     /// reported its end (`stopped`) within the radius and touched nothing.
     #[must_use]
     pub fn measure(&self, flown: &[EnuPosition], stopped: bool, collided: bool) -> Navigation {
-        let distances = flown.iter().map(|at| self.destination.distance(*at));
-        let distance = GoalDistance { least_m: distances.clone().reduce(f64::min), final_m: distances.last() };
+        let away = |at: &EnuPosition| self.destination.distance(*at);
+        let distance = GoalDistance { least_m: flown.iter().map(away).reduce(f64::min), final_m: flown.last().map(away) };
         let arrived = distance.final_m.is_some_and(|metres| metres <= self.destination.radius_m);
         self.course().measure(flown, distance, stopped && arrived && !collided, collided)
     }
@@ -332,11 +332,23 @@ path = ["0,0,10", "30,0,10", "30,40,10"]
     }
 
     #[test]
+    fn any_words_survive_the_file() {
+        let mut task = good();
+        for words in
+            ["a\r\nb\n", "\n\nx", "\"\"\"", "'''\"", "\\n \\u0041", "\0\u{7f}\u{1b}[2J\t", "\r", "[foreign]\n# \u{feff}é"]
+        {
+            task.wordings[1].instruction = words.to_owned();
+            let text = task.to_toml().unwrap();
+            assert_eq!(ForeignTask::parse(&text, "b.toml").unwrap().wordings[1].instruction, words, "{text}");
+        }
+    }
+
+    #[test]
     fn it_is_no_task_of_this_simulator_and_says_so() {
         assert!(matches!(TaskFile::parse(GOOD, "a.toml"), Ok(TaskFile::Foreign(_))));
         let error = Task::parse(GOOD, "a.toml").unwrap_err().to_string();
         assert!(error.starts_with("a.toml: a task of AerialVLN in its scene 12, which AirSim serves"), "{error}");
-        assert!(error.contains("hint: `spf bench show a.toml`"), "{error}");
+        assert!(error.contains("hint: spf bench show a.toml"), "{error}");
         // A file with both is wrong where it is wrong.
         let both = Task::parse(&GOOD.replace("[foreign]", "set = \"simulation\"\n[foreign]"), "a.toml").unwrap_err().to_string();
         assert!(both.starts_with("a.toml:7: unknown field `set`"), "{both}");

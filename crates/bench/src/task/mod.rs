@@ -50,7 +50,7 @@ pub enum TaskError {
     /// The task belongs to another benchmark, and needs its simulator.
     #[error(
         "{file}: a task of {} in its scene {scene}, which {} serves; trials are flown in this simulator's own scenes\n\n\
-        hint: `spf bench show {file}` shows the task",
+        hint: spf bench show {file}",
         benchmark.name(), benchmark.simulator()
     )]
     Foreign {
