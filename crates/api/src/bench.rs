@@ -261,7 +261,10 @@ pub fn tasks(suite_name: Option<&str>, names: &[String], example: &str) -> Resul
 /// # Errors
 /// A usage error for an unknown name, and an invalid file.
 pub fn task_of(name: &str) -> Result<Task, Error> {
-    let refused = |error: &TaskError| Error::usage(format!("invalid task `{name}`")).because(error);
+    let refused = |error: &TaskError| {
+        let what = if matches!(error, TaskError::Foreign { .. }) { "cannot fly the task" } else { "invalid task" };
+        Error::usage(format!("{what} `{name}`")).because(error)
+    };
     if name.contains(['/', '.']) || Path::new(name).exists() {
         return Task::load(name).map_err(|error| refused(&error));
     }

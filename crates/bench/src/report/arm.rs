@@ -1,5 +1,6 @@
 //! Arms of a comparison: a method with a VLM.
 
+use crate::measures::{Means, Navigation};
 use crate::stats::{Rate, median, percentile};
 use crate::table::vlm_of;
 use crate::trial::{NO_VLM, Record};
@@ -26,8 +27,8 @@ pub(super) struct Sums {
     pub(super) timeout: Rate,
     /// Completion times of the successes, seconds, in order.
     pub(super) times: Vec<f64>,
-    /// Metres flown in all flights.
-    pub(super) spl: f64,
+    /// Measures of navigation, over the trials that have them.
+    pub(super) navigation: Means,
     /// Median of the trials' median latencies, seconds.
     pub(super) latency_s: Option<f64>,
 }
@@ -103,7 +104,7 @@ impl Sums {
             false_stop: rate(|record| record.scores.false_stop),
             timeout: rate(|record| record.scores.timeout),
             times: records.iter().filter_map(|record| completion(record)).collect(),
-            spl: records.iter().map(|record| record.spl).sum::<f64>() / records.len().max(1) as f64,
+            navigation: Means::of(&records.iter().filter_map(|record| record.navigation()).collect::<Vec<Navigation>>()),
             latency_s: median(&latencies.collect::<Vec<f64>>()),
         }
     }

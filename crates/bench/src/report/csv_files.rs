@@ -60,7 +60,7 @@ fn rate(rate: Rate) -> [String; 4] {
     [rate.hits.to_string(), rate.of.to_string(), shown(estimate.map(|e| e.low)), shown(estimate.map(|e| e.high))]
 }
 
-const TRIAL: [&str; 30] = [
+const TRIAL: [&str; 32] = [
     "run_id",
     "task",
     "set",
@@ -83,8 +83,10 @@ const TRIAL: [&str; 30] = [
     "finished_at_s",
     "path_length_m",
     "shortest_m",
+    "osr",
     "spl",
     "ndtw",
+    "sdtw",
     "final_distance_m",
     "min_clearance_m",
     "decisions",
@@ -117,8 +119,11 @@ fn trial(record: &Record) -> Vec<String> {
         flight.map(|flight| flight.finished_at_s),
         flight.map(|flight| flight.path_length_m),
         Some(record.shortest_m),
+    ];
+    let measures = [
         Some(record.spl),
         Some(record.ndtw),
+        Some(record.sdtw),
         flight.and_then(|flight| flight.final_distance_m),
         record.min_clearance_m,
     ];
@@ -129,6 +134,8 @@ fn trial(record: &Record) -> Vec<String> {
     row.push(flight.map_or_else(String::new, |flight| spf_flight::words::outcome(flight.outcome).to_owned()));
     row.extend([record.goals_met.to_string(), record.goals.to_string()]);
     row.extend(figures.map(shown));
+    row.push(record.osr.to_string());
+    row.extend(measures.map(shown));
     row.push(flight.map_or_else(String::new, |flight| flight.decisions.to_string()));
     row.push(record.n_vlm_calls.to_string());
     row.push(shown(record.latency_ms.as_ref().map(|latency| latency.p50)));
@@ -159,20 +166,30 @@ fn methods(source: &Source) -> String {
         "collided",
         "false_stop",
         "timeout",
-        "mean_spl",
         "time_q1_s",
         "time_median_s",
         "time_q3_s",
         "latency_median_s",
+        "navigation_trials",
+        "sr",
+        "osr",
+        "cr",
+        "mean_ne_m",
+        "mean_spl",
+        "mean_ndtw",
+        "mean_sdtw",
     ]);
     for arm in &source.arms {
         let sums = Sums::of(source.of_arm(arm));
         let counts = [sums.strict, sums.paper, sums.collided, sums.false_stop, sums.timeout];
         let mut row = vec![arm.method.clone(), arm.vlm.clone(), sums.strict.of.to_string()];
         row.extend(counts.map(|rate| rate.hits.to_string()));
-        row.push(shown(sums.spl));
         row.extend(sums.quartiles().map_or_else(|| vec![String::new(); 3], |times| times.map(shown).to_vec()));
         row.push(shown(sums.latency_s));
+        let means = &sums.navigation;
+        row.push(means.success.of.to_string());
+        row.extend([means.success, means.oracle_success, means.collided].map(|rate| rate.hits.to_string()));
+        row.extend([means.error_m, means.spl, means.ndtw, means.sdtw].map(shown));
         rows.row(row);
     }
     rows.finish()

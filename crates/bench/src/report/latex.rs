@@ -14,6 +14,7 @@ pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
         ("success-strict.tex", success(source, Scoring::Strict)),
         ("success-paper.tex", success(source, Scoring::Paper)),
         ("methods.tex", methods(source)),
+        ("navigation.tex", navigation(source)),
         ("compared.tex", compared(source)),
         ("published.tex", published()),
     ]
@@ -49,13 +50,27 @@ fn success(source: &Source, scoring: Scoring) -> String {
 }
 
 fn methods(source: &Source) -> String {
-    let head = ["Method", "Strict", "Paper", "Collided", "SPL", "Time, s"].map(str::to_owned);
+    let head = ["Method", "Strict", "Paper", "Collided", "Time, s"].map(str::to_owned);
     let rows = source.arms.iter().map(|arm| {
         let sums = Sums::of(source.of_arm(arm));
         let time =
             sums.quartiles().map_or_else(|| "--".to_owned(), |[low, middle, high]| format!("{middle:.1} [{low:.1}, {high:.1}]"));
         let rates = [sums.strict, sums.paper, sums.collided].map(cell);
-        [vec![escaped(&arm.name())], rates.to_vec(), vec![format!("{:.2}", sums.spl), time]].concat()
+        [vec![escaped(&arm.name())], rates.to_vec(), vec![time]].concat()
+    });
+    tabular(Some(source), &head, &[rows.collect()])
+}
+
+fn navigation(source: &Source) -> String {
+    let head = ["Method", "SR", "OSR", "NE, m", "SPL", "nDTW", "SDTW", "CR"].map(str::to_owned);
+    let shown = |value: Option<f64>, digits: usize| value.map_or_else(|| "--".to_owned(), |value| format!("{value:.digits$}"));
+    let rows = source.arms.iter().map(|arm| {
+        let means = Sums::of(source.of_arm(arm)).navigation;
+        let scores = [means.spl, means.ndtw, means.sdtw].map(|score| shown(score, 2));
+        let mut row = vec![escaped(&arm.name()), cell(means.success), cell(means.oracle_success), shown(means.error_m, 1)];
+        row.extend(scores);
+        row.push(cell(means.collided));
+        row
     });
     tabular(Some(source), &head, &[rows.collect()])
 }

@@ -15,7 +15,7 @@ use super::{
 };
 
 /// Supported version of the format.
-const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 1;
 /// Maximum number of goals of a task, and of trajectories.
 const MOST: usize = 16;
 /// Maximum number of added objects.
@@ -155,20 +155,51 @@ fn yes() -> bool {
 }
 
 /// The text with its file name, for errors.
-struct Source<'a> {
-    text: &'a str,
-    file: &'a str,
+pub(super) struct Source<'a> {
+    pub(super) text: &'a str,
+    pub(super) file: &'a str,
 }
 
-impl Source<'_> {
-    fn error(&self, at: Range<usize>, message: impl Into<String>, hint: Option<&str>) -> TaskError {
+impl<'a> Source<'a> {
+    /// The keys of a text of bounded size.
+    pub(super) fn keys<T: Deserialize<'a>>(&self) -> Result<T, TaskError> {
+        if self.text.len() > MAX_BYTES {
+            return Err(self.error(0..0, format!("the file exceeds {MAX_BYTES} bytes"), None));
+        }
+        toml::from_str(self.text).map_err(|error| {
+            let message = error.message().lines().next().unwrap_or_default().to_owned();
+            let hint = hint_from(&message);
+            self.error(error.span().unwrap_or(0..0), message, hint.as_deref())
+        })
+    }
+
+    /// Refuses a version of the format that is not supported.
+    pub(super) fn format(&self, version: &Spanned<u32>) -> Result<(), TaskError> {
+        if *version.get_ref() == FORMAT {
+            return Ok(());
+        }
+        let message = format!("unsupported task file format; this version reads format {FORMAT}");
+        Err(self.error(version.span(), message, None))
+    }
+
+    /// The id of a task.
+    pub(super) fn id(&self, raw: &Spanned<String>) -> Result<String, TaskError> {
+        let id = self.word("id", raw)?;
+        if id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-') {
+            return Ok(id);
+        }
+        let message = "`id` must consist of lower-case letters, digits and `-`";
+        Err(self.error(raw.span(), message, Some("for example `sim-nav-red-crane`")))
+    }
+
+    pub(super) fn error(&self, at: Range<usize>, message: impl Into<String>, hint: Option<&str>) -> TaskError {
         let before = self.text.as_bytes().get(..at.start.min(self.text.len())).unwrap_or_default();
         let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
         TaskError::Invalid { file: self.file.to_owned(), line, message: message.into(), hint: hint.map(str::to_owned) }
     }
 
     /// A number within limits.
-    fn number(&self, key: &str, value: &Spanned<f64>, low: f64, high: f64) -> Result<f64, TaskError> {
+    pub(super) fn number(&self, key: &str, value: &Spanned<f64>, low: f64, high: f64) -> Result<f64, TaskError> {
         let number = *value.get_ref();
         if (low..=high).contains(&number) {
             return Ok(number);
@@ -192,12 +223,17 @@ impl Source<'_> {
     }
 
     /// A text that is not empty and not too long.
-    fn word(&self, key: &str, value: &Spanned<String>) -> Result<String, TaskError> {
-        let word = value.get_ref();
-        if (1..=LONGEST).contains(&word.chars().count()) {
-            return Ok(word.clone());
+    pub(super) fn word(&self, key: &str, value: &Spanned<String>) -> Result<String, TaskError> {
+        self.words(key, value, LONGEST)
+    }
+
+    /// A text of 1 to `longest` characters.
+    pub(super) fn words(&self, key: &str, value: &Spanned<String>, longest: usize) -> Result<String, TaskError> {
+        let words = value.get_ref();
+        if (1..=longest).contains(&words.chars().count()) {
+            return Ok(words.clone());
         }
-        Err(self.error(value.span(), format!("`{key}` must have 1 to {LONGEST} characters"), None))
+        Err(self.error(value.span(), format!("`{key}` must have 1 to {longest} characters"), None))
     }
 
     fn selectors(&self, raw: Vec<Spanned<Selector>>) -> Result<Vec<Selector>, TaskError> {
@@ -217,33 +253,12 @@ impl Source<'_> {
 
 pub(super) fn parse(text: &str, file: &str) -> Result<Task, TaskError> {
     let source = Source { text, file };
-    if text.len() > MAX_BYTES {
-        return Err(source.error(0..0, format!("the file exceeds {MAX_BYTES} bytes"), None));
-    }
-    let raw: Raw = toml::from_str(text).map_err(|error| {
-        let message = error.message().lines().next().unwrap_or_default().to_owned();
-        let hint = hint_from(&message);
-        source.error(error.span().unwrap_or(0..0), message, hint.as_deref())
-    })?;
-    task(raw, &source)
+    task(source.keys()?, &source)
 }
 
 fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
-    if *raw.format.get_ref() != FORMAT {
-        return Err(source.error(
-            raw.format.span(),
-            format!("unsupported task file format; this version reads format {FORMAT}"),
-            None,
-        ));
-    }
-    let id = source.word("id", &raw.id)?;
-    if !id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-') {
-        return Err(source.error(
-            raw.id.span(),
-            "`id` must consist of lower-case letters, digits and `-`",
-            Some("for example `sim-nav-red-crane`"),
-        ));
-    }
+    source.format(&raw.format)?;
+    let id = source.id(&raw.id)?;
     let max_decisions = *raw.max_decisions.get_ref();
     if !(1..=100_000).contains(&max_decisions) {
         return Err(source.error(raw.max_decisions.span(), "`max_decisions` must be from 1 to 100000", None));
@@ -500,13 +515,19 @@ fn trajectory(raw: Spanned<RawTrajectory>, source: &Source<'_>) -> Result<Trajec
     })
 }
 
-/// `east,north,up,heading_deg`.
-fn pose(text: &str) -> Option<Pose> {
-    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
-    let [east, north, up, heading] = numbers.try_into().ok()?;
-    if [east, north, up, heading].iter().any(|number: &f64| !(-1e4..=1e4).contains(number)) {
-        return None;
+/// Numbers within ±10 000, separated by commas.
+pub(super) fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let mut parts = text.split(',').map(|part| part.trim().parse().ok());
+    let mut numbers = [0.0; N];
+    for number in &mut numbers {
+        *number = parts.next()?.filter(|number| (-1e4..=1e4).contains(number))?;
     }
+    parts.next().is_none().then_some(numbers)
+}
+
+/// `east,north,up,heading_deg`.
+pub(super) fn pose(text: &str) -> Option<Pose> {
+    let [east, north, up, heading] = numbers(text)?;
     Some(Pose {
         position: EnuPosition { east, north, up },
         attitude: Attitude { heading: wrap_angle(heading.to_radians()), ..Attitude::default() },

@@ -1,6 +1,7 @@
 //! Tasks as data: scene, start, instruction and success criteria (docs/guide/bench.md).
 
 mod file;
+mod foreign;
 mod hostile;
 mod select;
 mod shipped;
@@ -11,6 +12,7 @@ use spf_core::geometry::Pose;
 use spf_scene::{Lighting, SceneLook, Weather};
 use thiserror::Error;
 
+pub use foreign::{Benchmark, Destination, ForeignTask, LONGEST_INSTRUCTION, MOST_CORNERS, MOST_METRES, MOST_WORDINGS, Wording};
 pub use hostile::{Hostile, SignContent};
 pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
@@ -44,6 +46,20 @@ pub enum TaskError {
         message: String,
         /// How to fix it.
         hint: Option<String>,
+    },
+    /// The task belongs to another benchmark, and needs its simulator.
+    #[error(
+        "{file}: a task of {} in its scene {scene}, which {} serves; trials are flown in this simulator's own scenes\n\n\
+        hint: spf bench show {file}",
+        benchmark.name(), benchmark.simulator()
+    )]
+    Foreign {
+        /// The file.
+        file: String,
+        /// Whose task it is.
+        benchmark: Benchmark,
+        /// The benchmark's name of the scene.
+        scene: String,
     },
 }
 
@@ -298,7 +314,16 @@ pub struct Task {
     pub trajectories: Vec<Trajectory>,
 }
 
-impl Task {
+/// A task file: of this simulator, or of another benchmark.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TaskFile {
+    /// A task of this simulator.
+    Own(Box<Task>),
+    /// A task of another benchmark: its file has a table `[foreign]`.
+    Foreign(Box<ForeignTask>),
+}
+
+impl TaskFile {
     /// Reads a task file.
     ///
     /// # Errors
@@ -314,7 +339,38 @@ impl Task {
     /// # Errors
     /// [`TaskError::Invalid`] with file, line and a hint.
     pub fn parse(text: &str, file: &str) -> Result<Self, TaskError> {
-        file::parse(text, file)
+        if text.len() <= MAX_BYTES && foreign::is_foreign(text) {
+            return ForeignTask::parse(text, file).map(|task| Self::Foreign(Box::new(task)));
+        }
+        file::parse(text, file).map(|task| Self::Own(Box::new(task)))
+    }
+
+    /// The task, if it belongs to this simulator.
+    fn own(self, file: &str) -> Result<Task, TaskError> {
+        match self {
+            Self::Own(task) => Ok(*task),
+            Self::Foreign(task) => {
+                Err(TaskError::Foreign { file: file.to_owned(), benchmark: task.benchmark, scene: task.scene })
+            }
+        }
+    }
+}
+
+impl Task {
+    /// Reads a task file.
+    ///
+    /// # Errors
+    /// [`TaskError`] if it cannot be read, is invalid, or belongs to another benchmark.
+    pub fn load(path: &str) -> Result<Self, TaskError> {
+        TaskFile::load(path)?.own(path)
+    }
+
+    /// Parses the text of a task file; `file` is its name in errors.
+    ///
+    /// # Errors
+    /// [`TaskError::Invalid`] with file, line and a hint; [`TaskError::Foreign`] for a task of another benchmark.
+    pub fn parse(text: &str, file: &str) -> Result<Self, TaskError> {
+        TaskFile::parse(text, file)?.own(file)
     }
 
     /// The targets of the start's view and range.

@@ -2,7 +2,6 @@
 
 mod draw;
 mod latency;
-mod measures;
 mod method;
 mod path;
 mod record;
@@ -34,6 +33,7 @@ use spf_vlm::service::{Fate, RunEnd, Service};
 
 use crate::fnv;
 use crate::judge::Judge;
+use crate::measures::{Course, GoalDistance, shortest};
 use crate::stats::percentile;
 use crate::task::{GoalKind, Task, TaskSet, centre};
 pub use draw::{SampleError, Sampled, draw};
@@ -426,11 +426,10 @@ impl Trial {
         let (mut found, judge) = watcher.into_findings();
         let stage = &drawn.loaded;
         let scores = self.scores(&found);
-        let reference = self.reference(drawn, &judge);
-        let radius = self.task.set.radius();
-        let shortest_m = measures::shortest(&reference, radius);
-        let ndtw = measures::ndtw(&reference, &found.path, radius);
-        let earned = |value: f64| if scores.strict { value } else { 0.0 };
+        let (reference, radius_m) = (self.reference(drawn, &judge), self.task.set.radius());
+        let course = Course { shortest_m: shortest(&reference, radius_m), reference, radius_m };
+        let distance = GoalDistance { least_m: found.least_distance, final_m: found.distance };
+        let navigation = course.measure(&found.path, distance, scores.strict, scores.collided);
         let goal: Vec<String> = judge.last_targets().iter().map(|id| stage.key(*id)).collect();
         let usage = summary.vlm_use.clone();
         let base = self.blank(Some(drawn));
@@ -441,11 +440,11 @@ impl Trial {
         let record = Record {
             signs,
             goals_met: judge.met().max(if found.holds_at_end { self.task.goals.len() } else { 0 }),
-            osr: found.least_distance.is_some_and(|least| least <= radius),
-            spl: earned(measures::spl(shortest_m, measures::length(&found.path))),
-            sdtw: earned(ndtw),
-            ndtw,
-            shortest_m,
+            osr: navigation.oracle_success,
+            spl: navigation.spl,
+            sdtw: navigation.sdtw,
+            ndtw: navigation.ndtw,
+            shortest_m: course.shortest_m,
             ttfm_s: found.first_motion.map(spf_core::time::Time::as_secs_f64),
             min_clearance_m: found.clearance,
             n_vlm_calls: usage.as_ref().map_or(found.latencies.len() as u32 + found.given_up, |usage| usage.questions),

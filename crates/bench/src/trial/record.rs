@@ -5,6 +5,7 @@ use spf_core::geometry::Pose;
 use spf_flight::summary::Summary;
 
 use super::signs::SignFigures;
+use crate::measures::Navigation;
 use crate::task::{Category, TaskSet};
 
 /// Scores of a trial.
@@ -107,7 +108,7 @@ pub struct Record {
     pub osr: bool,
     /// SPL: minimum path length over the flown one, times `strict`.
     pub spl: f64,
-    /// Minimum path length: straight from take-off past the goals to the success radius, metres.
+    /// Minimum path length: straight from take-off past the goals to the success radius, metres; obstacles are ignored.
     pub shortest_m: f64,
     /// nDTW of the flown path to that straight one, 0 to 1.
     pub ndtw: f64,
@@ -144,6 +145,24 @@ pub struct Record {
     /// from the judge.
     #[serde(flatten)]
     pub flight: Option<Summary>,
+}
+
+impl Record {
+    /// Its measures of navigation; `None` where the task has no shortest path to success: what is to be followed moves, and a scan
+    /// leads nowhere. A trial that could not be flown failed.
+    #[must_use]
+    pub fn navigation(&self) -> Option<Navigation> {
+        let has_path = self.error.is_some() || self.shortest_m > 0.0;
+        (has_path && self.category != Category::Follow).then(|| Navigation {
+            success: self.scores.strict,
+            oracle_success: self.osr,
+            error_m: self.flight.as_ref().and_then(|flight| flight.final_distance_m),
+            spl: self.spl,
+            ndtw: self.ndtw,
+            sdtw: self.sdtw,
+            collided: self.scores.collided,
+        })
+    }
 }
 
 /// `task/method/vlm/seed`; characters other than `A–Z a–z 0–9 . _ -` are replaced by `-`.

@@ -23,10 +23,12 @@ pub(crate) enum Bench {
     Merge(BenchMerge),
     /// Write an HTML report of runs (charts, tables, maps, videos, failures), with CSV and LaTeX tables
     Report(BenchReport),
-    /// Repeat one trial of a run and record its video
+    /// Repeat one trial of a run and record its video, or show a task of another benchmark
     Show(BenchShow),
-    /// List the suites and their tasks
-    List,
+    /// List the suites and their tasks, or those in files and folders
+    List(BenchList),
+    /// Read the instruction set of another benchmark into task files
+    Import(BenchImport),
 }
 
 /// Flies tasks and reports success rates.
@@ -222,11 +224,14 @@ pub(crate) struct BenchReport {
 Examples:
   spf bench show sim-nav-red-crane/spf/oracle-default/3 -o flight
   spf bench show my-task/spf/gemini/0 --task my/task.toml --vlm gemini -o flight
+  spf bench show aerialvln/aerialvln-val-unseen-00001.toml
 
 RUN_ID is the `run_id` of the trial's row in results.jsonl. Characters outside A-Z a-z 0-9 . _ - are replaced by `-` there, so \
-any VLM other than a built-in oracle must be given again with --vlm.")]
+any VLM other than a built-in oracle must be given again with --vlm. FILE is the task of another benchmark (see `spf bench \
+import`): its wordings, start, goal and path, and what the straight line from start to goal would score.")]
 pub(crate) struct BenchShow {
-    /// Trial: task/method/vlm/seed
+    /// Trial (task/method/vlm/seed), or the .toml file of another benchmark's task
+    #[arg(value_name = "RUN_ID|FILE")]
     pub(crate) run_id: String,
     /// Task file, for a task that is not built in
     #[arg(long, value_name = "FILE")]
@@ -242,4 +247,37 @@ pub(crate) struct BenchShow {
     /// Do not record video
     #[arg(long)]
     pub(crate) no_video: bool,
+}
+
+/// Lists tasks.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf bench list
+  spf bench list my/task.toml aerialvln")]
+pub(crate) struct BenchList {
+    /// Task files, or folders of them [default: the built-in suites]
+    #[arg(value_name = "FILE|DIR")]
+    pub(crate) tasks: Vec<PathBuf>,
+}
+
+/// Reads the instruction set of another benchmark, and writes one task file for each of its paths, with all wordings of its
+/// instruction.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf bench import val_unseen.json -o aerialvln
+  spf bench list aerialvln
+  spf bench show aerialvln/aerialvln-val-unseen-00001.toml
+
+Known are the files of AerialVLN and AerialVLN-S: train.json, val_seen.json, val_unseen.json, test.json \
+(https://github.com/AirVLN/AirVLN). The scenes of such tasks are programs of that benchmark with AirSim: `spf bench run` refuses \
+them, since its trials are flown in this simulator's own scenes. Exit code 2 if the file is no known instruction set; the error \
+names file, episode and key, and nothing is written.")]
+pub(crate) struct BenchImport {
+    /// File of the instruction set
+    pub(crate) file: PathBuf,
+    /// Output folder for the task files; must be new or empty
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
 }

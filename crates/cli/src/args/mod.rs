@@ -26,7 +26,7 @@ use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use spf_bench::trial::GIT_REV;
 
-pub(crate) use bench::{Bench, BenchAsk, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
+pub(crate) use bench::{Bench, BenchAsk, BenchCheck, BenchImport, BenchList, BenchMerge, BenchReport, BenchRun, BenchShow};
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;

@@ -94,6 +94,14 @@ fn a_trial_is_shown_as_it_was_flown() {
         let (shown, flown) = (again[key].as_f64().unwrap(), row[key].as_f64().unwrap());
         assert!((shown - flown).abs() < 1e-5 * flown, "{key}: {shown} {flown}");
     }
+    // The measures of navigation are those of the row.
+    let measure = |key: &str| row[key].as_f64().unwrap();
+    let measured = format!("SPL {:.2}, nDTW {:.2}, SDTW {:.2}\n", measure("spl"), measure("ndtw"), measure("sdtw"));
+    let error = format!(", NE {:.1} m, ", measure("final_distance_m"));
+    let within = if row["osr"] == true { "OSR yes" } else { "OSR no" };
+    for words in [within, &error, &measured] {
+        assert!(shown.stdout.contains(words), "{words}: {}", shown.stdout);
+    }
     // The flight that is shown also says where the craft was as a limit ended it.
     assert!(again["cause"].as_str().unwrap().starts_with(row["cause"].as_str().unwrap()), "{again}");
     let wrong = lab.spf(&["bench", "show", "drink/spf/gemini/7", "--task", "./drink.toml"]);
@@ -276,4 +284,64 @@ fn somebody_answers_a_trial() {
         assert!(refused.code == Some(2) && refused.stderr.contains(why), "{}", refused.stderr);
     }
     assert!(!lab.path("other").exists());
+}
+
+/// An episode of AerialVLN's form: 12 m east of its start, at the height of 10 m, and looking there.
+fn episode(id: &str, trajectory: &str, words: &str) -> serde_json::Value {
+    let half = core::f64::consts::FRAC_1_SQRT_2;
+    serde_json::json!({
+        "episode_id": id, "trajectory_id": trajectory, "scene_id": 7, "instruction": { "instruction_text": words },
+        "start_position": [3, 0, -10], "start_rotation": [half, 0, 0, half], "goals": [{ "position": [3, 12, -10] }],
+        "reference_path": [[3, 0, -10, 0, 0, 1.57], [3, 5, -10, 0, 0, 1.57], [3, 12, -10, 0, 0, 1.57]], "actions": [1, 1, 0],
+    })
+}
+
+#[test]
+fn other_peoples_tasks_are_imported_listed_and_shown_and_not_flown() {
+    let lab = lab();
+    let episodes = [episode("E1", "T1", "Fly\nto the tower."), episode("E2", "T2", "Go back."), episode("E3", "T1", "Go to it.")];
+    lab.write("val_unseen.json", serde_json::json!({ "episodes": episodes }).to_string());
+    let import = lab.spf(&["bench", "import", "val_unseen.json", "-o", "vln"]);
+    assert_eq!((import.code, import.stdout.trim()), (Some(0), "vln"), "{}", import.stderr);
+    assert!(import.stderr.contains("2 tasks of AerialVLN from 3 episodes, in 1 scene"), "{}", import.stderr);
+    let first = "vln/aerialvln-val-unseen-00001.toml";
+    assert_eq!(lab.names("vln"), ["aerialvln-val-unseen-00001.toml", "aerialvln-val-unseen-00002.toml"]);
+
+    let list = lab.spf(&["bench", "list", "vln", "drink.toml"]);
+    assert_eq!(list.code, Some(0), "{}", list.stderr);
+    let lines: Vec<Vec<&str>> = list.stdout.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(lines[1], ["aerialvln-val-unseen-00001", "AerialVLN", "7", "Fly", "to", "the", "tower."]);
+    assert!(lines.len() == 4 && lines[3].contains(&"drink"), "{}", list.stdout);
+
+    let show = lab.spf(&["bench", "show", first]);
+    assert_eq!(show.code, Some(0), "{}", show.stderr);
+    for words in [
+        "aerialvln-val-unseen-00001: AerialVLN, scene 7 (served by AirSim), trajectory T1",
+        "E3: \"Go to it.\"",
+        "start: 0 m east, 3 m north, 10 m up, heading 90°",
+        "goal: 12 m east, 3 m north, 10 m up, within 20 m on the map",
+        "path: 12.0 m with 3 corners; straight to the goal 12.0 m",
+        "(not flown): SPL 1.00, nDTW 1.00, SDTW 1.00",
+    ] {
+        assert!(show.stdout.contains(words), "{words}: {}", show.stdout);
+    }
+
+    let refused = |args: &[&str], words: &str| {
+        let run = lab.spf(&[&["bench"], args].concat());
+        assert!(run.code == Some(2) && run.stderr.contains(words) && run.stdout.is_empty(), "{args:?}: {}", run.stderr);
+    };
+    let foreign = "a task of AerialVLN in its scene 7, which AirSim serves; trials are flown in this simulator's own scenes";
+    refused(&["run", "--task", first, "-o", "out"], foreign);
+    refused(&["check", first], foreign);
+    refused(&["show", first, "-o", "out"], "is shown without options");
+    refused(&["show", "drink.toml"], "spf bench check drink.toml");
+    refused(&["list", "none.toml"], "cannot read the task file `none.toml`");
+    refused(&["import", "val_unseen.json", "-o", "vln"], "the folder `vln` is not empty");
+    refused(&["import", "drink.toml", "-o", "new"], "expected a JSON object with a list `episodes`");
+    let mut broken = episode("E9", "T9", "Go.");
+    broken["start_rotation"] = serde_json::json!([1, 0, 0]);
+    lab.write("broken.json", serde_json::json!({ "episodes": [broken] }).to_string());
+    let words = "`broken.json`, episode 1 (`E9`), key `start_rotation`: expected 4 numbers within ±2: the quaternion w, x, y, z";
+    refused(&["import", "broken.json", "-o", "new"], words);
+    assert!(!lab.path("new").exists() && !lab.path("out").exists());
 }

@@ -174,7 +174,7 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
             }
         }
         Some("bench") if matches!(short[1].as_str(), "run" | "check") => short.extend(["--trials".to_owned(), trials.to_owned()]),
-        Some("bench") if short[1] == "show" => short.push("--no-video".to_owned()),
+        Some("bench") if short[1] == "show" && !short[2].ends_with(".toml") => short.push("--no-video".to_owned()),
         Some("bench") if short[1] == "merge" => short.retain(|word| !word.starts_with("part") || lab.path(word).exists()),
         _ => {}
     }
@@ -221,6 +221,12 @@ fn own_files(lab: &Lab, document: &str, text: &str) {
         "bench.md" => {
             fs::create_dir(lab.path("my")).unwrap();
             lab.write("my/task.toml", block("format = 1").unwrap());
+            let episode = serde_json::json!({
+                "episode_id": "E1", "trajectory_id": "T1", "scene_id": 1, "instruction": { "instruction_text": "Go." },
+                "start_position": [0, 0, 0], "start_rotation": [1, 0, 0, 0], "goals": [{ "position": [9, 0, 0] }],
+                "reference_path": [[0, 0, 0], [9, 0, 0]],
+            });
+            lab.write("val_unseen.json", serde_json::json!({ "episodes": [episode] }).to_string());
         }
         "fly.md" => {
             let reference = |name: &str| fs::read_to_string(root().join("docs").join(name)).unwrap();

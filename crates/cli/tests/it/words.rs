@@ -90,6 +90,11 @@ fn help_of_bench_report() {
 }
 
 #[test]
+fn help_of_bench_import() {
+    insta::assert_snapshot!(help(&["bench", "import", "--help"]));
+}
+
+#[test]
 fn help_of_track() {
     insta::assert_snapshot!(help(&["track", "--help"]));
 }

@@ -33,11 +33,12 @@ pub(super) fn success(source: &Source) -> Markup {
             p class="note" { b { "Strict" } ": the method reported success by itself, goals met, no collision. " b { "Paper" }
                 ": the paper's rules, as its human judge would stop the flight: at some instant the task was completed, or what is \
                     followed was clearly visible within 1 m (simulation: 1 to 5 m), and nothing had been touched. " b { "False stop" }
-                ": the method reported success, but the judge disagreed.  " b { "SPL" } ": success weighted by path length. \
+                ": the method reported success, but the judge disagreed. \
                     95 % Wilson intervals; trials of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
                 figcaption class="note" { "All tasks. Filled: strict; hollow: paper." } }
             (overall(source))
+            (navigation(source))
             @for scoring in Scoring::ALL {
                 h3 { "By category, " (scoring.words()) }
                 (by_category(source, &arms, scoring, "Tasks"))
@@ -51,12 +52,36 @@ fn overall(source: &Source) -> Markup {
     html! {
         div class="wide" { table id="overall" {
             thead { tr { th { "Method · VLM" } th { "Strict" } th { "Paper" } th { "Collision" } th { "False stop" }
-                th { "Timeout" } th { "SPL" } th { "Median time" } th { "Median latency" } } }
+                th { "Timeout" } th { "Median time" } th { "Median latency" } } }
             tbody { @for arm in &source.arms {
                 @let sums = Sums::of(source.of_arm(arm));
                 tr { th { (arm.name()) } (cell(sums.strict)) (cell(sums.paper)) (cell(sums.collided))
-                    td { (sums.false_stop.hits) } td { (sums.timeout.hits) } td { (format!("{:.2}", sums.spl)) }
+                    td { (sums.false_stop.hits) } td { (sums.timeout.hits) }
                     td { (seconds(sums.quartiles().map(|[_, middle, _]| middle))) } td { (seconds(sums.latency_s)) } }
+            } }
+        } }
+    }
+}
+
+/// The measures of papers on vision-and-language navigation.
+fn navigation(source: &Source) -> Markup {
+    let score = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+    html! {
+        h3 { "Measures of navigation" }
+        p class="note" { "Over the trials whose task has a shortest path, so without scans and following. " b { "SR" } ": strict. "
+            b { "OSR" } ": at some instant within the judge's radius (5 m in the simulation set, 1 m in the real-world set) of the \
+                surface of the last goal. " b { "NE" } ": mean distance to that surface at the end. " b { "SPL" } ": success weighted \
+                by path length. " b { "nDTW" } ", " b { "SDTW" } ": similarity of the flown path to the shortest one, normalised by \
+                the radius, and the same weighted by success. The shortest path is the straight line from take-off past the goals: \
+                a lower bound, since obstacles are ignored. " b { "CR" } ": trials with a collision. Not comparable with figures at \
+                other radii." }
+        div class="wide" { table id="navigation" {
+            thead { tr { th { "Method · VLM" } th { "SR" } th { "OSR" } th { "NE" } th { "SPL" } th { "nDTW" } th { "SDTW" } th { "CR" } } }
+            tbody { @for arm in &source.arms {
+                @let means = Sums::of(source.of_arm(arm)).navigation;
+                tr { th { (arm.name()) } (cell(means.success)) (cell(means.oracle_success))
+                    td { (means.error_m.map_or_else(|| "–".to_owned(), |metres| format!("{metres:.1} m"))) }
+                    td { (score(means.spl)) } td { (score(means.ndtw)) } td { (score(means.sdtw)) } (cell(means.collided)) }
             } }
         } }
     }

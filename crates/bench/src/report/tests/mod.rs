@@ -81,6 +81,34 @@ fn csv_reads_back_as_it_was_flown() {
 }
 
 #[test]
+fn measures_of_navigation_are_means_of_the_rows_that_have_them() {
+    let folder = Folder::of(&[0, 1, 2, 3].map(|seed| Row { seed, ..Row::default() }));
+    let mut rows: Vec<serde_json::Value> =
+        folder.text("results.jsonl").lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let give = |row: &mut serde_json::Value, [spl, ndtw, sdtw, metres]: [f64; 4], strict: bool, osr: bool| {
+        (row["spl"], row["ndtw"], row["sdtw"], row["final_distance_m"]) = (spl.into(), ndtw.into(), sdtw.into(), metres.into());
+        (row["scores"]["strict"], row["scores"]["collided"], row["osr"]) = (strict.into(), (!strict).into(), osr.into());
+    };
+    give(&mut rows[0], [0.8, 0.6, 0.6, 2.0], true, true);
+    give(&mut rows[1], [0.0, 0.2, 0.0, 7.0], false, true);
+    // Somebody who is followed moves, and a scan leads nowhere.
+    rows[2]["category"] = "follow".into();
+    rows[3]["shortest_m"] = 0.0.into();
+    folder.put("results.jsonl", &rows.iter().map(|row| format!("{row}\n")).collect::<String>());
+    // Of two trials: SR 1, OSR 2, CR 1; NE (2 + 7) / 2, SPL (0.8 + 0) / 2, nDTW (0.6 + 0.2) / 2, SDTW (0.6 + 0) / 2.
+    let methods = csv_of(&folder, "methods.csv");
+    let last: Vec<f64> = methods[0].iter().skip(methods[0].len() - 8).map(|field| field.parse().unwrap()).collect();
+    assert_eq!(last, [2.0, 1.0, 2.0, 1.0, 4.5, 0.4, 0.4, 0.3]);
+    let page = page_of(&folder);
+    let table = &page[page.find("id=\"navigation\"").unwrap()..];
+    let row = table.split("</tr>").nth(1).unwrap();
+    assert!(row.contains("<td>4.5 m</td><td>0.40</td><td>0.40</td><td>0.30</td>"), "{row}");
+    let files = latex::files(&source(&folder));
+    let (_, text) = files.iter().find(|(name, _)| *name == "navigation.tex").unwrap();
+    assert!(text.contains("1/2 [9, 91] & 2/2 [34, 100] & 4.5 & 0.40 & 0.40 & 0.30 & 1/2 [9, 91]"), "{text}");
+}
+
+#[test]
 fn the_same_rows_give_the_same_bytes() {
     let (one, two) = (two_methods(), two_methods());
     let files = |folder: &Folder| (csv_files::files(&source(folder)), latex::files(&source(folder)));

@@ -2,13 +2,14 @@
 
 mod ask;
 mod check;
+mod foreign;
+mod list;
 mod report;
 mod run;
 mod show;
 
 pub(crate) use spf_api::bench::store_error;
 use spf_bench::run::merge;
-use spf_bench::task::SUITES;
 use spf_bench::trial::{Networks, VlmUnderTest, split_latency};
 
 use crate::args::{Bench, BenchMerge};
@@ -28,7 +29,8 @@ pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliE
         Bench::Merge(args) => merge_shares(args, printer),
         Bench::Report(args) => report::report(args, printer),
         Bench::Show(args) => show::show(args, printer),
-        Bench::List => list(printer),
+        Bench::List(args) => list::list(args, printer),
+        Bench::Import(args) => foreign::import(args, printer),
     }
 }
 
@@ -57,16 +59,5 @@ fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> 
     let trials = merge(&args.shards, &args.output).map_err(|error| store_error(&error))?;
     printer.log(&format!("merged {trials} trials of {} shards", args.shards.len()));
     printer.result(&args.output.join("results.jsonl").display().to_string());
-    Ok(Exit::Success)
-}
-
-fn list(printer: &Printer) -> Result<Exit, CliError> {
-    for suite in SUITES {
-        printer.result(&format!("{}: {}", suite.name, suite.description));
-        let tasks = suite.tasks().map_err(|error| CliError::internal("invalid built-in task").because(&error))?;
-        for task in tasks {
-            printer.result(&format!("  {:30} {:18} {}", task.id, task.category.words(), task.instruction));
-        }
-    }
     Ok(Exit::Success)
 }

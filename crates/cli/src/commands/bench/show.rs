@@ -4,20 +4,24 @@ use std::path::Path;
 use std::sync::Arc;
 
 use spf_api::bench::task_of;
+use spf_bench::measures::Navigation;
 use spf_bench::trial::{Method, Trial, draw, run_id};
 use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 
-use super::{networks, pointer};
+use super::{foreign, networks, pointer};
 use crate::args::BenchShow;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
 
-/// Flies a trial again.
+/// Flies a trial again, or shows the task of a file.
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
+    if foreign::is_file(&args.run_id) {
+        return foreign::show(args, printer);
+    }
     let mut settings = Settings::of(&args.settings, printer)?;
     let trial = trial(args, &mut settings)?;
     let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("cannot set up the trial").because(&error))?;
@@ -26,18 +30,29 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
     })?;
     printer.log(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
     let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None })).record;
-    if let Some(why) = record.error {
+    if let Some(why) = &record.error {
         return Err(CliError::internal(format!("cannot fly the trial: {why}")));
     }
     let scores = &record.scores;
     let yes = |is: bool| if is { "yes" } else { "no" };
     printer.result(&format!("strict {}, paper {}", yes(scores.strict), yes(scores.paper)));
     printer.result(&format!("goals met {} of {}, collided {}", record.goals_met, record.goals, yes(scores.collided)));
+    if let Some(navigation) = record.navigation() {
+        printer.result(&measures(&navigation));
+    }
     if let Some(flight) = &record.flight {
         printer.result(&format!("{}: {}", spf_flight::words::outcome(flight.outcome), flight.cause));
     }
     printer.result(&out.path().display().to_string());
     Ok(Exit::Success)
+}
+
+/// The measures of navigation that the lines above do not say: SR is `strict`, CR is `collided`.
+fn measures(navigation: &Navigation) -> String {
+    let Navigation { success: _, oracle_success, error_m, spl, ndtw, sdtw, collided: _ } = navigation;
+    let within = if *oracle_success { "yes" } else { "no" };
+    let error = error_m.map_or_else(String::new, |metres| format!(", NE {metres:.1} m"));
+    format!("OSR {within}{error}, SPL {spl:.2}, nDTW {ndtw:.2}, SDTW {sdtw:.2}")
 }
 
 fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
