@@ -5,6 +5,7 @@
 //! it. [`registry::connect`] connects to a craft by name, such as `tello@192.168.10.1`.
 
 pub mod abandon;
+pub mod airsim;
 pub mod driver;
 pub mod examine;
 pub mod frames;
