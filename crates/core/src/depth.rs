@@ -1,6 +1,7 @@
 //! Depth grids: what a depth sensor, or a network that estimates depth from a frame, measures at one instant.
 
 pub(crate) mod packed;
+pub mod stereo;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -22,6 +22,7 @@ pub mod grounding;
 pub mod keep_out;
 pub mod lift;
 pub mod motion;
+pub mod noise;
 pub mod panel;
 pub mod primitives;
 pub mod prompt;

@@ -50,6 +50,16 @@ pub trait Target: Send + Sync {
         true
     }
 
+    /// Whether its time stands still while the pilot thinks, and runs when the pilot asks what happens next: a flight in virtual time.
+    fn runs_in_lockstep(&self, _options: &Options) -> bool {
+        false
+    }
+
+    /// Whether it has a depth sensor that can be switched on.
+    fn has_depth_sensor(&self) -> bool {
+        false
+    }
+
     /// Whether its address is one of this machine alone, so that it is a program and no craft that could hurt anybody. `false` if a
     /// program there may pass the commands on.
     fn is_simulated(&self) -> bool {

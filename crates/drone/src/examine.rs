@@ -1,9 +1,11 @@
 //! Checks of a drone on the ground before a flight that apply to any drone. Advice comes from the driver.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use spf_core::time::Time;
+use spf_media::Rgb;
 
 use crate::frames::Photo;
 use crate::{Drone, DroneEvent};
@@ -31,13 +33,23 @@ pub struct Check {
     pub found: String,
     /// Remedy; `None` if none is needed.
     pub advice: Option<String>,
+    /// What was seen, for people to look at.
+    #[serde(skip)]
+    pub picture: Option<Arc<Rgb>>,
 }
 
 impl Check {
     /// A check; `advice` is kept unless the result is good.
     #[must_use]
     pub fn new(what: &'static str, finding: Finding, found: impl Into<String>, advice: Option<&str>) -> Self {
-        Self { what, finding, found: found.into(), advice: advice.filter(|_| finding != Finding::Good).map(str::to_owned) }
+        let advice = advice.filter(|_| finding != Finding::Good).map(str::to_owned);
+        Self { what, finding, found: found.into(), advice, picture: None }
+    }
+
+    /// The same with what was seen.
+    #[must_use]
+    pub fn with_picture(self, picture: Arc<Rgb>) -> Self {
+        Self { picture: Some(picture), ..self }
     }
 }
 

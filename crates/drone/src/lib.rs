@@ -1,5 +1,5 @@
 //! The `Drone` interface: a craft that accepts cleared commands, reports telemetry, and has a camera; and its
-//! drivers: Tello, MAVLink, and games through their window.
+//! drivers: Tello, MAVLink, AirSim, and games through their window.
 //!
 //! Only the envelope can create a [`Cleared`] command, so no implementation of [`Drone`] can be moved without passing
 //! it. [`registry::connect`] connects to a craft by name, such as `tello@192.168.10.1`.
@@ -9,6 +9,7 @@ pub mod airsim;
 pub mod driver;
 pub mod examine;
 pub mod frames;
+mod heartbeat;
 pub mod mavlink;
 pub mod options;
 pub mod registry;

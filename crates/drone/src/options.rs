@@ -1,5 +1,6 @@
 //! Driver options.
 
+use crate::airsim::settings::AirSimSettings;
 use crate::mavlink::settings::MavlinkSettings;
 use crate::screen::settings::ScreenSettings;
 use crate::tello::settings::TelloSettings;
@@ -13,4 +14,6 @@ pub struct Options {
     pub mavlink: MavlinkSettings,
     /// Options of games.
     pub screen: ScreenSettings,
+    /// Options of AirSim and Colosseum.
+    pub airsim: AirSimSettings,
 }

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use crate::driver::{Connected, Driver, Target};
 use crate::options::Options;
-use crate::{mavlink, screen, tello};
+use crate::{airsim, mavlink, screen, tello};
 
 /// The drivers, one row each.
-pub static DRIVERS: &[Driver] = &[tello::driver::DRIVER, mavlink::driver::DRIVER, screen::driver::DRIVER];
+pub static DRIVERS: &[Driver] = &[tello::driver::DRIVER, mavlink::driver::DRIVER, airsim::driver::DRIVER, screen::driver::DRIVER];
 
 /// An unknown drone name.
 #[derive(Debug, thiserror::Error)]

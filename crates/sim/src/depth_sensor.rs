@@ -8,28 +8,16 @@ use core::fmt;
 use core::str::FromStr;
 
 use spf_core::camera::Camera;
+use spf_core::depth::stereo::Stereo;
 use spf_core::depth::{DepthGrid, DepthSource};
-use spf_core::rng::RandomStream;
 use spf_core::time::{Duration, Time};
 
 /// Columns and rows.
 const SIZE: (u32, u32) = (160, 120);
-/// Range, metres.
-const NEAREST: f64 = 0.3;
-const FARTHEST: f64 = 10.0;
 /// Grids a second.
 const RATE: u64 = 15;
 /// From capture to arrival.
 const LATENCY: Duration = Duration::from_millis(60);
-/// Standard deviation per square of the depth, 1/m, and the least, metres.
-const NOISE: f64 = 0.004;
-const LEAST_NOISE: f64 = 0.01;
-/// Fraction of the pixels without a value.
-const HOLES: f64 = 0.04;
-/// Neighbours whose depths differ by more than this fraction are an edge.
-const JUMP: f64 = 0.1;
-/// Fraction of the pixels at an edge that are smeared.
-const SMEARED: f64 = 0.5;
 /// Error of the faulty scale.
 const OFF_SCALE: f64 = 1.1;
 /// When a fault begins: in flight.
@@ -135,52 +123,18 @@ impl DepthStream {
         self.number += 1;
         let fault = self.sensor.fault.filter(|_| captured >= FAULT_AT);
         if fault != Some(DepthFault::Frozen) || self.last.is_empty() {
-            self.last = measured(depths, self.seed, number, fault);
+            self.last = stereo(fault).measure(depths, self.seed, number);
         }
         let (camera, cm, source) = (self.camera, self.last.clone(), DepthSource::Sensor);
         Some(DepthGrid { captured, counter: number, camera, cm, source })
     }
 }
 
-/// Centimetres, 0 for none.
-fn measured(depths: &[f32], seed: u64, number: u64, fault: Option<DepthFault>) -> Vec<u16> {
-    let mut rng = RandomStream::new(seed, "depth sensor", &[number]);
-    let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
-    let at = |x: usize, y: usize| f64::from(depths.get(y * width + x).copied().unwrap_or(0.0));
-    let mut cm = Vec::with_capacity(width * height);
-    for y in 0..height {
-        for x in 0..width {
-            let hole = rng.chance(HOLES);
-            let mut depth = at(x, y);
-            // What the fault leaves out changes no other draw.
-            let (smeared, part, noise) = (rng.chance(SMEARED), rng.uniform(), rng.normal());
-            if let Some(other) = edge(&at, x, y).filter(|_| smeared && depth > 0.0) {
-                depth += part * (other - depth);
-            }
-            // What is far away must not come near by its noise, which grows with the square of the depth.
-            let in_range = (NEAREST..=FARTHEST).contains(&depth);
-            depth += (NOISE * depth * depth).max(LEAST_NOISE) * noise;
-            if fault == Some(DepthFault::Scale) {
-                depth *= OFF_SCALE;
-            }
-            let black = fault == Some(DepthFault::HalfBlack) && x < width / 2;
-            let seen = at(x, y) > 0.0 && in_range && (NEAREST..=FARTHEST).contains(&depth) && !hole && !black;
-            cm.push(if seen { libm::round(100.0 * depth) as u16 } else { 0 });
-        }
-    }
-    cm
-}
-
-/// The depth of a neighbour on the other side of an edge; `None` away from edges. The sky is no surface to smear into.
-fn edge(at: &impl Fn(usize, usize) -> f64, x: usize, y: usize) -> Option<f64> {
-    let depth = at(x, y);
-    let neighbours = [
-        (x > 0).then(|| at(x - 1, y)),
-        (x + 1 < SIZE.0 as usize).then(|| at(x + 1, y)),
-        (y > 0).then(|| at(x, y - 1)),
-        (y + 1 < SIZE.1 as usize).then(|| at(x, y + 1)),
-    ];
-    neighbours.into_iter().flatten().find(|&other| other > 0.0 && (other - depth).abs() > JUMP * depth)
+/// The stereo camera with this fault.
+fn stereo(fault: Option<DepthFault>) -> Stereo {
+    let scale = if fault == Some(DepthFault::Scale) { OFF_SCALE } else { 1.0 };
+    let blind = if fault == Some(DepthFault::HalfBlack) { SIZE.0 / 2 } else { 0 };
+    Stereo { scale, blind, ..Stereo::new(SIZE) }
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose};
+use spf_core::noise::Wander;
 use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
@@ -16,7 +17,6 @@ use spf_scene::geometry::ObjectId;
 
 use crate::body::{Body, Response};
 use crate::model::Model;
-use crate::noise::Wander;
 use crate::wind::{Air, Wind};
 
 /// Length of a tick.

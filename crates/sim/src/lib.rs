@@ -12,7 +12,6 @@ pub mod depth_sensor;
 pub mod dynamics;
 pub mod frame_clock;
 pub mod model;
-pub mod noise;
 pub mod senses;
 pub mod wind;
 

@@ -6,12 +6,12 @@
 //! gives its driver the initial heading, from which the Tello counts in whole degrees.
 
 use spf_core::geometry::{EnuPosition, EnuVelocity, wrap_angle};
+use spf_core::noise::Wander;
 use spf_core::rng::RandomStream;
 use spf_core::telemetry::Telemetry;
 
 use crate::dynamics::{Dynamics, TICK};
 use crate::model::SensorParameters;
-use crate::noise::Wander;
 
 /// Generates telemetry from ground truth.
 #[derive(Clone, Debug)]

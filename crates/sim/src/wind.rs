@@ -3,9 +3,8 @@
 use std::str::FromStr;
 
 use spf_core::geometry::EnuVelocity;
+use spf_core::noise::Wander;
 use spf_core::rng::RandomStream;
-
-use crate::noise::Wander;
 
 /// Horizontal wind, uniform over the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -27,7 +27,10 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     let mut checks = match settings.fly.drone.or_default()? {
         DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-            let mut checks = target.examine(&options(&settings)?);
+            let mut checks = Vec::new();
+            for check in target.examine(&options(&settings)?) {
+                checks.push(seen(check)?);
+            }
             if args.camera.url.is_none() && !target.has_camera() {
                 let found = "this drone sends no video of its own: a flight needs --camera";
                 checks.push(Check::new("camera", Finding::Warning, found, Some(CAMERA_EXAMPLE)));
@@ -117,7 +120,7 @@ fn watch(named: &str) -> Result<Check, CliError> {
     };
     let loaded = load_scene("office", &SceneLook::default())?;
     let (check, picture) = doctor::detector(&model, &loaded);
-    with_picture(check, picture, "its boxes in", "detector.png")
+    with_picture(check, picture, "its boxes in a test image", "detector.png")
 }
 
 /// Checks a depth network: whether it can be used, how fast it is, and what it sees in a picture of the simulator.
@@ -128,7 +131,13 @@ fn depth(settings: &Settings, named: &str) -> Result<Check, CliError> {
     };
     let loaded = load_scene("office", &SceneLook::default())?;
     let (check, picture) = doctor::depth_network(&network, &loaded);
-    with_picture(check, picture, "its depth of", "depth-model.png")
+    with_picture(check, picture, "its depth of a test image", "depth-model.png")
+}
+
+/// A drone's check; what its camera saw is written.
+fn seen(check: Check) -> Result<Check, CliError> {
+    let picture = check.picture.as_deref().cloned();
+    with_picture(check, picture, "what it sees", "camera.png")
 }
 
 /// A check that shows a picture, which is written to a new file: never over a file of the user's.
@@ -137,7 +146,7 @@ fn with_picture(check: Check, picture: Option<Rgb>, what: &str, name: &str) -> R
     let png = spf_media::png::encode(&picture).map_err(|error| CliError::internal("cannot encode a picture").because(&error))?;
     let written = std::fs::File::create_new(name).and_then(|mut file| file.write_all(&png));
     let place = match written {
-        Ok(()) => format!("{what} a test image: {name}"),
+        Ok(()) => format!("{what}: {name}"),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => format!("{name} exists, and stays as it is"),
         Err(error) => format!("{name} cannot be written: {error}"),
     };
@@ -153,6 +162,7 @@ fn refused(what: &'static str, error: &CliError) -> Check {
         finding: Finding::Bad,
         found: found.split_whitespace().collect::<Vec<_>>().join(" "),
         advice: advice.map(str::to_owned),
+        picture: None,
     }
 }
 

@@ -59,7 +59,7 @@ settings! {
         wind: Wind = "", Explained("a wind such as 3,from=270,gust=1"), "SPF_WIND", SIMULATION.value("--wind", "WIND").dashed();
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY";
-        /// depth sensor of the simulated craft: on, off, or failing after 10 s: frozen, half (left half black) or scale (10 %
+        /// depth sensor of the simulated craft, or of one of --drone airsim: on, off, or failing after 10 s: frozen, half (left half black) or scale (10 %
         /// too far)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", SIMULATION.value("--depth-sensor", "SENSOR").common();
         /// fly in real time instead of as fast as possible: {}
@@ -216,6 +216,17 @@ settings! {
         upload_fence: bool = "false", Word, "SPF_MAVLINK_UPLOAD_FENCE";
         /// pitch of the camera's gimbal at the start, degrees, negative downwards; off: the camera is not on the gimbal; empty: left as it is
         gimbal: GimbalPitch = "", Parsed("a pitch in degrees, such as -15, or off"), "SPF_MAVLINK_GIMBAL";
+    }
+
+    /// A simulator that speaks AirSim's protocol: `[airsim]`.
+    airsim: AirSim {
+        /// name of the camera that looks ahead, of AirSim's or of its settings.json
+        camera: String = "0", Text, "SPF_AIRSIM_CAMERA", DRONE.value("--airsim-camera", "NAME");
+        /// with --drone airsim, give the pilot the simulator's exact pose and velocity instead of those of satellite navigation and a
+        /// compass with their errors, which the log records: {}
+        true_pose: bool = "false", Word, "SPF_AIRSIM_TRUE_POSE", DRONE.switch("--true-pose", "true");
+        /// with --drone airsim, fly in the simulator's time, which stands still while the pilot thinks: {}
+        lockstep: bool = "false", Word, "SPF_AIRSIM_LOCKSTEP", DRONE.switch("--lockstep", "true");
     }
 
     /// Limits of the safety envelope: `[envelope]`.

@@ -8,11 +8,12 @@ use spf_drone::driver::Target;
 use spf_envelope::Limits;
 use spf_flight::flight::FlightPlan;
 use spf_pilot::AtEnd;
+use spf_sim::depth_sensor::DepthSensor;
 
 use super::manual::Manual;
 use super::said::Said;
 use super::settings::{
-    Facts, brake, depends_on_boxes, method, method_words, prompt, refuse_contradictions, script, without_boxes,
+    Facts, brake, depends_on_boxes, method, method_words, options, prompt, refuse_contradictions, script, without_boxes,
 };
 use super::signals::flight_interrupts;
 use super::{Others, Ready, no_keys, page, real, refusal, simulated};
@@ -56,16 +57,26 @@ impl<'a> Carrier<'a> {
         matches!(self, Self::Real(..))
     }
 
+    /// Whether its time stands still while the pilot thinks.
+    fn runs_in_lockstep(&self, settings: &Settings) -> Result<bool, CliError> {
+        Ok(match self {
+            Self::Real(target, _) => target.runs_in_lockstep(&options(settings)?),
+            Self::Simulated | Self::Desk(_) => false,
+        })
+    }
+
     /// Refuses settings that this carrier cannot follow.
     fn refuse_others(&self, settings: &Settings) -> Result<(), CliError> {
         let has_sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
-        if self.is_real() {
-            if has_sensor {
-                return Err(
-                    CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet")
-                );
-            }
-            return Ok(());
+        if let Self::Real(target, _) = self {
+            return match settings.fly.depth_sensor.or_default()?.0 {
+                Some(_) if !target.has_depth_sensor() => Err(CliError::usage("this drone has no depth sensor that is read")
+                    .hint("--depth-sensor is for simulated craft, those of --drone airsim too")),
+                Some(DepthSensor { fault: Some(_) }) => {
+                    Err(CliError::usage("the depth sensor of this drone cannot be made to fail").hint("--depth-sensor on"))
+                }
+                _ => Ok(()),
+            };
         }
         if settings.tello.motion.is_by_hand() {
             return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
@@ -119,7 +130,16 @@ pub(crate) fn ready(
     let script = args.flight.events.as_deref().map(script).transpose()?.unwrap_or_default();
     // A flight in virtual time is over before anyone could watch it.
     let is_watched = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || others.is_any();
-    let pace = if is_simulated && !is_watched { Pace::Virtual } else { Pace::Wall };
+    let stepped = carrier.runs_in_lockstep(settings)?;
+    if settings.airsim.lockstep.is_on()? && !stepped {
+        return Err(CliError::usage("--lockstep requires --drone airsim")
+            .hint("flights in the embedded simulator are in virtual time anyway, and depend on no machine's speed"));
+    }
+    if stepped && is_watched {
+        return Err(CliError::usage("--lockstep flies in the simulator's time, in which nobody can watch or steer")
+            .hint("leave out --lockstep, or --cockpit, --live and --realtime"));
+    }
+    let pace = if (is_simulated || stepped) && !is_watched { Pace::Virtual } else { Pace::Wall };
     let pointing = page::pointing(others, settings, prompt.clone(), pace)?;
     if pointing.is_oracle {
         carrier.refuse_oracle()?;
@@ -129,7 +149,7 @@ pub(crate) fn ready(
         refusal::check(settings, instruction, printer)?;
     }
     let unattended = settings.fly.unattended.is_on()?;
-    let attended = carrier.is_real() && !unattended;
+    let attended = carrier.is_real() && !unattended && !stepped;
     if attended && !Manual::is_possible() && !others.is_any() {
         return Err(no_keys());
     }
@@ -182,7 +202,7 @@ pub(crate) fn ready(
     if method.at_end == AtEnd::Return {
         announcements.push(real::returning(&limits, &aboard.craft)?);
     }
-    if carrier.is_real() {
+    if carrier.is_real() && !stepped {
         announcements.extend(end_of_a_real_flight(method.at_end, unattended, is_human(&pointing.name) && !others.is_any()));
     }
     let depth_network = depth_network.map(|(plan, sentence)| {

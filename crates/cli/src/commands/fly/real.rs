@@ -105,7 +105,8 @@ pub(super) fn board(
     let (craft, has_ranges, frames) = (capabilities.craft, capabilities.ranges, Some(drone.frames()));
     #[cfg(all(debug_assertions, unix))]
     let drone = super::drill::around(drone);
-    let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
+    let clock = if target.runs_in_lockstep(&options) { Clock::Virtual } else { Clock::WallSince(start) };
+    let site = Site::Real(Real { drone, clock });
     let (place, drawn) = (String::new(), String::new());
     Ok(Aboard {
         site,

@@ -8,6 +8,7 @@ pub(super) use spf_api::method::Facts;
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::duration_from_secs;
+use spf_drone::airsim::settings::AirSimSettings;
 use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
@@ -241,7 +242,14 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
         yaw_rate: configured.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
     let gimbal = settings.mavlink.gimbal.get()?.map_or(GimbalUse::Reported, |pitch| pitch.0);
-    Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() }, ..Options::default() })
+    let airsim = AirSimSettings {
+        camera: settings.airsim.camera.text_or_default().to_owned(),
+        true_pose: settings.airsim.true_pose.is_on()?,
+        depth_sensor: settings.fly.depth_sensor.or_default()?.0.is_some(),
+        lockstep: settings.airsim.lockstep.is_on()?,
+        seed: settings.fly.seed.or_default()?,
+    };
+    Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() }, airsim, ..Options::default() })
 }
 
 #[cfg(test)]

@@ -9,9 +9,6 @@ use super::super::conversation::Order;
 use super::super::manoeuvre::{self, Stage};
 use super::{Link, ZEROS_FIRST};
 
-/// Without a call of the pilot for this long the craft holds, and later lands.
-const SILENT_HOLD: Duration = Duration::from_secs(2);
-const SILENT_LAND: Duration = Duration::from_secs(5);
 /// A `takeoff` that could not be sent within this time is withdrawn: the motors must not start unexpectedly later.
 const TAKE_OFF_UNSENT: Duration = Duration::from_secs(2);
 /// A `takeoff` without a response, without motors and without height for this long was lost.
@@ -48,41 +45,6 @@ impl TakeOff {
     /// Whether it may still start the motors, being in transit.
     pub(super) fn may_start(&self, now: Time) -> bool {
         self.sent.is_some_and(|sent| now.since(sent) < SPIN_UP)
-    }
-}
-
-/// What the silence of the pilot calls for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Silence {
-    Hold,
-    Land,
-}
-
-/// The calls of the pilot.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Heartbeat {
-    /// The last call.
-    beat: Option<Time>,
-    /// Whether the craft holds because of the silence since.
-    held: bool,
-}
-
-impl Heartbeat {
-    /// The pilot calls.
-    pub(super) fn beat(&mut self, now: Time) {
-        *self = Self { beat: Some(now), held: false };
-    }
-
-    /// What its silence calls for now: once a hold, then a landing.
-    pub(super) fn silence(&mut self, now: Time) -> Option<Silence> {
-        let silent = now.since(self.beat?);
-        if silent >= SILENT_LAND {
-            Some(Silence::Land)
-        } else if silent >= SILENT_HOLD && !std::mem::replace(&mut self.held, true) {
-            Some(Silence::Hold)
-        } else {
-            None
-        }
     }
 }
 

@@ -11,7 +11,7 @@ mod leaving;
 mod reach;
 mod report;
 
-use self::leaving::{Heartbeat, Silence, TakeOff};
+use self::leaving::TakeOff;
 use self::reach::Reach;
 use self::report::Told;
 use super::answer::{Answer, explain};
@@ -23,6 +23,7 @@ use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
 use crate::DroneEvent;
+use crate::heartbeat::{Heartbeat, Silence};
 
 /// Age of the state above which the link is lost.
 const LOST: Duration = Duration::from_secs(2);

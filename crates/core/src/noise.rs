@@ -1,6 +1,6 @@
-//! Stationary random walks: sensor errors and gusts of wind.
+//! Stationary random walks: gusts of wind, and the errors of sensors, also of a craft whose simulator reports without any.
 
-use spf_core::rng::RandomStream;
+use crate::rng::RandomStream;
 
 /// An Ornstein–Uhlenbeck process sampled at equal steps. The discretisation is exact (`x' = φ·x + σ·√(1 − φ²)·n` with
 /// `φ = exp(−step / time constant)`), so its standard deviation is `sigma` from the first sample on, whatever the step.
