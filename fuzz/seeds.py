@@ -124,6 +124,16 @@ def main():
          b"\x94\x00\x07\xb7moveByVelocityBodyFrame" + velocity + b"\x82\xa7is_rate\xc3\xabyaw_or_rate\xcb\x40\x2e" + bytes(6) + b"\xa0")
     keep("airsim", "server", b"\x05\x94\x01\x00\xc0\xc3\x94\x01\x03\xc0\xc0\x94\x01\x04\xaffunction 'land'\xc0")
     keep("airsim", "colosseum", b"\xff\x94\x00\x01\xacsimGetImages\x93\x91\x94\xa7front_0\x02\xc3\xc2\xa0\xc2")
+    # AirSim's settings, of its documentation.
+    mine = {"CaptureSettings": [{"ImageType": 0, "Width": 640, "Height": 480}], "X": 0.5, "Pitch": -45}
+    down = {"SensorType": 5, "Pitch": -90, "MaxDistance": 20}
+    vehicle = {"X": 4, "Y": -5, "Yaw": 90, "DefaultVehicleState": "Disarmed", "Cameras": {"mine": mine}, "Sensors": {"Down": down}}
+    usual = [{"ImageType": 3, "Width": 64, "Height": 32, "FOV_Degrees": 60}]
+    keep("airsim_settings", "vehicles", json.dumps({
+        "SettingsVersion": 1.2, "SimMode": "Multirotor", "ClockSpeed": 2, "Wind": {"X": 1, "Y": 2, "Z": 0},
+        "OriginGeopoint": {"Latitude": 1.5, "Longitude": 2.5, "Altitude": 3},
+        "CameraDefaults": {"CaptureSettings": usual}, "Vehicles": {"A": vehicle}}))
+    keep("airsim_settings", "posed", json.dumps({"SimMode": "ComputerVision", "PhysicsEngineName": "ExternalPhysicsEngine"}))
     keep("tello_link", "answers", bytes([0, 10, 1, 1, 5, 0, 4, 100, 0, 0, 7, 100, 128, 200, 128, 90, 9, 10, 6, 200, 8, 1, 5, 5]))
 
 

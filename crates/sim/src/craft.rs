@@ -97,6 +97,20 @@ impl SimCraft {
         self.dynamics.set_take_off_height(height);
     }
 
+    /// Changes the steady wind, m/s towards the east and the north.
+    pub fn set_wind(&mut self, east: f64, north: f64) {
+        self.dynamics.set_wind(east, north);
+    }
+
+    /// Puts the craft somewhere else. See [`Dynamics::place`].
+    pub fn place(&mut self, pose: Pose, velocity: EnuVelocity, hovering: bool) {
+        self.dynamics.place(pose, velocity, hovering);
+        if let Some(last) = self.history.back_mut() {
+            *last = self.dynamics.pose();
+        }
+        self.watch = Watch::default();
+    }
+
     /// Advances the world to the last tick that ends at or before `now`.
     pub fn advance_to(&mut self, now: Time) {
         while self.dynamics.time() + TICK <= now {

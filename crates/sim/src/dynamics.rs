@@ -167,6 +167,22 @@ impl Dynamics {
         self.model.craft.take_off_height = height;
     }
 
+    /// Changes the steady wind, from the next tick on; gusts stay.
+    pub fn set_wind(&mut self, east: f64, north: f64) {
+        self.air.set_steady(east, north);
+    }
+
+    /// Puts the craft somewhere else between two ticks, as simulators do on request: it hovers there with this velocity, or, not
+    /// `hovering`, stands there with its motors off. A crash is undone, commands that wait and earlier contacts are forgotten.
+    pub fn place(&mut self, pose: Pose, velocity: EnuVelocity, hovering: bool) {
+        self.body = Body { position: pose.position, velocity, attitude: pose.attitude, ..Body::default() };
+        self.phase = if hovering { FlightPhase::Flying } else { FlightPhase::OnGround };
+        self.waiting.clear();
+        self.contacts.clear();
+        (self.setpoint, self.crashed, self.fall) = (None, false, Fall::Lying);
+        self.free = (pose.position, f64::NEG_INFINITY);
+    }
+
     /// One tick.
     pub fn step(&mut self, collider: &Collider) {
         let now = self.time();

@@ -95,6 +95,10 @@ impl Air {
         Self { steady: wind, east: axis(0), north: axis(1) }
     }
 
+    pub(crate) fn set_steady(&mut self, east: f64, north: f64) {
+        (self.steady.east, self.steady.north) = (east, north);
+    }
+
     /// The wind during the next tick.
     pub(crate) fn advance(&mut self) -> EnuVelocity {
         EnuVelocity { east: self.steady.east + self.east.advance(), north: self.steady.north + self.north.advance(), up: 0.0 }

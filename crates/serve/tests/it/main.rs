@@ -4,6 +4,7 @@
 
 #[path = "../../../camera/tests/it/address.rs"]
 mod address;
+mod airsim;
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
 mod delays;

@@ -57,3 +57,23 @@ fn the_place_of_a_frame_is_kept() {
     assert!(craft.actors_at(Time::from_secs_f64(11.85)).is_some() && craft.actors_at(Time::from_secs_f64(2.1)).is_some());
     assert!(craft.actors_at(Time::from_secs_f64(1.0)).is_none() && craft.actors_at(Time::from_secs_f64(12.1)).is_none());
 }
+
+#[test]
+fn a_craft_that_is_put_elsewhere_forgets_its_crash_and_flies_on_there() {
+    let stage = Stage::of(&[("person", "person", walk("[[0, 3], [0, 2.9]]", ", loop = \"once\""))]);
+    let mut craft = hovering(&stage, [0.0, 0.0, 0.8]);
+    let forward = Setpoint { forward: 1.0, ..Setpoint::HOLD };
+    craft.apply(Time::ZERO, Command::Setpoint(forward), Time::from_secs_f64(10.0));
+    craft.advance_to(Time::from_secs_f64(10.0));
+    assert!(craft.dynamics().crashed());
+    let there = Pose { position: EnuPosition { east: 5.0, north: 6.0, up: 9.0 }, attitude: Attitude::default() };
+    craft.place(there, spf_core::geometry::EnuVelocity::default(), true);
+    assert_eq!(craft.true_pose_at(craft.time()), Some(there));
+    craft.advance_to(Time::from_secs_f64(12.0));
+    assert!(!craft.dynamics().crashed() && craft.truth().collided_with.is_empty());
+    assert!(craft.truth().pose.position.distance(there.position) < 0.01, "{:?}", craft.truth());
+    // A wind that begins there pushes it, until its controller has learnt it.
+    craft.set_wind(6.0, 0.0);
+    craft.advance_to(Time::from_secs_f64(12.5));
+    assert!(craft.truth().velocity.east > 0.1, "{:?}", craft.truth());
+}
