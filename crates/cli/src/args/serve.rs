@@ -19,6 +19,10 @@ Examples:
   spf sim serve --tello --scene office --rtsp
   spf sim serve --mavlink px4 --scene city --rtsp
   spf sim serve --mavlink ardupilot --scene park --mavlink-link tcpin:127.0.0.1:5760
+  spf sim serve --airsim --scene city --airsim-settings settings.json
+
+With --airsim, programs written for AirSim fly our scenes unchanged, without Unreal (docs/guide/airsim.md):
+  python3 -c \"import airsim; c = airsim.MultirotorClient(); c.enableApiControl(True); print(c.takeoffAsync().join())\"
 
 With --rtsp the drone's view is also an IP camera. Any player shows it, `spf camera test` tests it, and `spf fly --camera` flies \
 by it, in another terminal:
@@ -78,6 +82,18 @@ pub(crate) struct Serve {
     /// sensor), gimbal (of its camera); may be repeated
     #[arg(long, value_name = "NAME", requires = "mavlink")]
     pub(crate) mavlink_equipment: Vec<String>,
+    /// Serve an AirSim: msgpack-rpc on TCP 41451, for AirSim's own clients (docs/guide/airsim.md)
+    #[arg(long, conflicts_with_all = ["tello", "mavlink", "vlm", "rtsp", "truth", "fault"])]
+    pub(crate) airsim: bool,
+    /// Address and port of the AirSim; port 0 picks a free one
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:41451", requires = "airsim")]
+    pub(crate) airsim_listen: String,
+    /// AirSim's settings.json: vehicles, cameras, clock speed, wind, origin [default: one vehicle, AirSim's cameras]
+    #[arg(long, value_name = "FILE", requires = "airsim")]
+    pub(crate) airsim_settings: Option<PathBuf>,
+    /// The AirSim's time stands still until simPause(False) or simContinueForTime, as after simPause(True)
+    #[arg(long, requires = "airsim")]
+    pub(crate) airsim_paused: bool,
     /// Fault injection for the drone (TOML, see docs/guide/tello.md); reloaded when the file changes
     #[arg(long, value_name = "FILE")]
     pub(crate) fault: Option<PathBuf>,

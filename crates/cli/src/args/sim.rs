@@ -19,7 +19,7 @@ pub(crate) enum Sim {
     Window(SimWindow),
     /// Generate a labelled pointing dataset: images, instructions, targets
     Dataset(Box<Dataset>),
-    /// Serve a simulated Tello, PX4 or ArduPilot, its camera, or a VLM endpoint backed by the oracle to other programs, until Ctrl-C
+    /// Serve a simulated Tello, PX4, ArduPilot or AirSim, its camera, or a VLM endpoint backed by the oracle to other programs, until Ctrl-C
     Serve(Box<Serve>),
 }
 

@@ -3,6 +3,7 @@
 
 #[path = "../../../camera/tests/it/address.rs"]
 mod address;
+mod airsim;
 mod bench;
 mod camera;
 mod circles;

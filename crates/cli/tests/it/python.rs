@@ -8,8 +8,19 @@ use crate::harness::skip;
 
 /// The interpreter of the environment; `None`, with a notice, if there is no Python or no package index.
 pub(crate) fn environment() -> Option<PathBuf> {
-    let wanted = include_str!("requirements.txt");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python");
+    made("python", include_str!("requirements.txt"), &[])
+}
+
+/// The interpreter of an environment with AirSim's client, whose packages are too old to lie beside others. It imports them while
+/// it is built, so that they come first.
+pub(crate) fn airsim() -> Option<PathBuf> {
+    let client = ["--no-build-isolation", "--no-deps", "airsim==1.8.1"];
+    made("airsim", include_str!("airsim/requirements.txt"), &client)
+}
+
+/// An environment with the packages of a list, then those of further arguments of `pip install`.
+fn made(name: &str, wanted: &str, then: &[&str]) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let python = folder.join("bin").join("python3");
     let message = |output: std::io::Result<Output>| match output {
         Ok(output) if output.status.success() => Ok(()),
@@ -30,9 +41,13 @@ pub(crate) fn environment() -> Option<PathBuf> {
                     Command::new(&python).args(["-m", "pip", "install", "--quiet", "--no-compile", "-r"]).arg(&packages).output(),
                 )
             })
+            .and_then(|()| {
+                let install = |()| message(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(then).output());
+                (!then.is_empty()).then_some(()).map_or(Ok(()), install)
+            })
             .and_then(|()| std::fs::write(&marker, wanted).map_err(|error| error.to_string()));
         if let Err(why) = made {
-            skip(&format!("Python with the packages of crates/cli/tests/it/requirements.txt ({why})"));
+            skip(&format!("the Python environment `{name}` ({why})"));
             return None;
         }
     }

@@ -149,6 +149,8 @@ fn what_cannot_be_served_is_reported() {
         (&["sim", "serve", "--vlm=orcle"], "--vlm=oracle"),
         (&["sim", "serve", "--vlm", "--answer", "poem"], "spf or gemini-point"),
         (&["sim", "serve", "--vlm", "--vlm-listen", "here"], "an address and a port"),
+        (&["sim", "serve", "--airsim", "--airsim-listen", "here"], "an address and a port"),
+        (&["sim", "serve", "--airsim", "--airsim-settings", "nowhere.json"], "nowhere.json"),
     ] {
         let run = lab.spf(args);
         assert!(run.code == Some(2) && run.stderr.contains(words), "{args:?}: {}", run.stderr);

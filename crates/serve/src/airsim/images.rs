@@ -1,6 +1,6 @@
 //! Pictures: rendered without the simulator's lock, in AirSim's three encodings.
 //!
-//! Source: AirSim's `docs/image_apis.md`; bytes that are not compressed are blue, green, red (`RenderRequest.cpp`).
+//! Source: AirSim's page on its picture API; bytes that are not compressed are blue, green, red (`RenderRequest.cpp`).
 
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;

@@ -1,4 +1,4 @@
-//! The colours of the segmentation: those that AirSim's clients look up for a number (its `docs/seg_rgbs.txt`), but for 0, which is black.
+//! The colours of the segmentation: those that AirSim's clients look up for a number (its table `seg_rgbs`), but for 0, which is black.
 
 /// Red, green, blue of each number.
 pub(super) static COLOURS: [[u8; 3]; 256] = read(HEX);
@@ -45,6 +45,6 @@ mod tests {
     #[test]
     fn every_number_has_a_colour_of_its_own() {
         assert_eq!(COLOURS.iter().collect::<BTreeSet<_>>().len(), 256);
-        assert_eq!([COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[255]], [[0, 0, 0], [153, 108, 6], [89, 121, 72], [43, 47, 206]]);
+        assert_eq!([COLOURS[0], COLOURS[1], COLOURS[2], COLOURS[3]], [[0, 0, 0], [153, 108, 6], [112, 105, 191], [89, 121, 72]]);
     }
 }

@@ -1,6 +1,6 @@
 //! AirSim's `settings.json`, as far as a headless multirotor has a use for it: vehicles, cameras, clock, wind, origin.
 //!
-//! Source: AirSim's `docs/settings.md`. What is unknown is ignored, as AirSim does; what is known and wrong is refused.
+//! Source: AirSim's page on its settings. What is unknown is ignored, as AirSim does; what is known and wrong is refused.
 
 use std::collections::BTreeMap;
 use std::path::Path;

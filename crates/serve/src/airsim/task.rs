@@ -19,7 +19,7 @@ const REACHED: f64 = 0.2;
 const AT_REST: f64 = 0.01;
 /// Speed above which a direction of travel is a heading, m/s.
 const TRAVELLING: f64 = 0.5;
-/// Control steps without sinking after which a landing has ended in AirSim; here the craft itself knows.
+/// Length of a control step.
 pub(super) const CONTROL: Duration = Duration::from_millis(20);
 
 /// What becomes of the heading.

@@ -76,7 +76,6 @@ impl Vehicle {
     pub(super) fn new(settings: VehicleSettings, loaded: &LoadedScene, wind: Vector3r, posed: bool, seed: u64) -> Self {
         let scene = loaded.scene.start;
         let place = Ned(scene.position).position(settings.start);
-        // Where the scene's start is under a roof, nothing above it is meant.
         let heading = settings.heading.unwrap_or(scene.attitude.heading);
         let start = Pose { position: place, attitude: Attitude { heading, ..Attitude::default() } };
         let usual = Model::quad();
@@ -390,7 +389,7 @@ impl Vehicle {
         }
     }
 
-    /// A point straight ahead of a rangefinder: how far the first surface is, at most `farthest`.
+    /// How far the first surface is straight ahead of a rangefinder, metres, at most `farthest`.
     pub(super) fn range(&self, from: &Pose, farthest: f64) -> f64 {
         let ahead = super::frames::to_world(from.attitude, Vector3r::new(farthest, 0.0, 0.0));
         let to = Ned(from.position).position(ahead);

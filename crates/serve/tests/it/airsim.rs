@@ -117,7 +117,7 @@ impl Client {
     fn ready(&mut self) {
         self.done("enableApiControl", &[it(true), it("")]);
         assert!(self.ok::<bool>("armDisarm", &[it(true), it("")]));
-        assert_eq!(self.flown("takeoff", &[it(20), it("")]).0, true);
+        assert!(self.flown("takeoff", &[it(20), it("")]).0);
     }
 
     fn yaw(&self, is_rate: bool, yaw_or_rate: f64) -> Raw {
@@ -217,7 +217,7 @@ fn a_velocity_of_the_body_is_turned_once_by_the_heading_at_the_call() {
     let q = client.state().kinematics_estimated.orientation;
     let yaw = 2.0 * q.z_val.atan2(q.w_val).to_degrees();
     let off = (yaw + 170.0).rem_euclid(360.0);
-    assert!(off < 6.0 || off > 354.0, "{yaw}");
+    assert!(!(6.0..=354.0).contains(&off), "{yaw}");
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn errors_are_worded_as_rpclib_words_them() {
     let begins = "rpclib: function 'getMultirotorState' (called with 1 arg(s)) threw an exception.";
     assert!(error.starts_with(begins) && error.contains("nobody"), "{error}");
     // Without API control, nothing moves and nothing is thrown.
-    assert_eq!(client.flown("takeoff", &[it(20), it("")]).0, false);
+    assert!(!client.flown("takeoff", &[it(20), it("")]).0);
     assert_eq!(client.state().landed_state, 0);
     let error = client.call("getLidarData", &[it(""), it("")]).unwrap_err();
     assert!(error.contains("no lidar"), "{error}");

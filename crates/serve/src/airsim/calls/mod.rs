@@ -30,6 +30,8 @@ impl Pending {
         let Self { job, single, encoding, respond } = self;
         let pictures = job.run();
         respond(Ok(match pictures.first().filter(|_| single) {
+            // The client takes an empty text, and not empty bytes, for no picture.
+            Some(picture) if picture.image_data_uint8.is_empty() => Raw::of("", encoding),
             Some(picture) => arguments::bytes(&picture.image_data_uint8),
             None => Raw::of(&pictures, encoding),
         }));

@@ -1,5 +1,6 @@
 //! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
+mod airsim;
 mod mavlink;
 mod rtsp;
 mod tello;
@@ -23,13 +24,14 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
-    if args.vlm.is_none() && !args.tello && args.mavlink.is_none() {
-        return Err(CliError::usage("nothing to serve").hint("use --tello or --mavlink, and --vlm"));
+    if args.vlm.is_none() && !args.tello && args.mavlink.is_none() && !args.airsim {
+        return Err(CliError::usage("nothing to serve").hint("use --tello, --mavlink or --airsim, and --vlm"));
     }
     if args.rtsp.is_some() && !args.tello && args.mavlink.is_none() {
         return Err(CliError::usage("--rtsp sends the view of a craft, and none is served").hint("add --tello or --mavlink"));
     }
     let interrupts = interrupts()?;
+    let _airsim = args.airsim.then(|| airsim::start(args, printer)).transpose()?;
     let shared_instruction =
         SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
