@@ -74,7 +74,7 @@ settings! {
         /// built-in
         prompt: String = "", Text, "SPF_PROMPT", VLM.value("--prompt", "FILE");
         /// send an enlarged crop of a small target (its last box was under 24 pixels) as a second image: {}
-        close_up: bool = "false", Word, "SPF_CLOSE_UP", VLM.switch("--close-up", "true");
+        close_up: bool = "false", Word, "SPF_CLOSE_UP";
         /// how the VLM states distances, for ablation studies: {}
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS";
         /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's; with a real drone, 0.8 for
@@ -167,7 +167,7 @@ settings! {
         /// new file to record the VLM's replies to; `--vlm replay:FILE` repeats the flight; empty: none
         record: String = "", Text, "SPF_VLM_RECORD", VLM.value("--vlm-record", "FILE");
         /// fallback VLM, used when the first one fails; empty: none
-        fallback: String = "", Text, "SPF_VLM_FALLBACK", VLM.value("--vlm-fallback", "VLM");
+        fallback: String = "", Text, "SPF_VLM_FALLBACK";
         /// seconds without a reply after which a second request is sent, or auto: beyond what the replies usually take; empty: never
         hedge_s: Hedge = "", Parsed("seconds, 0 to 600, or auto"), "SPF_VLM_HEDGE_S";
         /// latency of every reply in virtual time, seconds, however long it really took; empty: 1.5 for human and exec:; the measured
@@ -221,7 +221,7 @@ settings! {
     /// A simulator that speaks AirSim's protocol: `[airsim]`.
     airsim: AirSim {
         /// name of the camera that looks ahead, of AirSim's or of its settings.json
-        camera: String = "0", Text, "SPF_AIRSIM_CAMERA", DRONE.value("--airsim-camera", "NAME");
+        camera: String = "0", Text, "SPF_AIRSIM_CAMERA";
         /// with --drone airsim, give the pilot the simulator's exact pose and velocity instead of those of satellite navigation and a
         /// compass with their errors, which the log records: {}
         true_pose: bool = "false", Word, "SPF_AIRSIM_TRUE_POSE", DRONE.switch("--true-pose", "true");

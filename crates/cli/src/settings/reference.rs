@@ -30,7 +30,7 @@ changed has no flag: give its key or its variable.
 
 In the column *meaning*, the text after \"empty:\" says what an empty value (`\"\"`) of the key means.
 Where there is no such text, an empty value selects the default, or `false` if the values are `true`
-and `false`. In the column *flag*, an entry such as \"`--close-up`: true\" means that the flag takes
+and `false`. In the column *flag*, an entry such as \"`--realtime`: true\" means that the flag takes
 no value and sets the key to `true`. The flags are those of `spf fly`; other commands have some of
 them.
 

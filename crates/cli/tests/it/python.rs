@@ -11,15 +11,8 @@ pub(crate) fn environment() -> Option<PathBuf> {
     made("python", include_str!("requirements.txt"), &[])
 }
 
-/// The interpreter of an environment with AirSim's client, whose packages are too old to lie beside others. It imports them while
-/// it is built, so that they come first.
-pub(crate) fn airsim() -> Option<PathBuf> {
-    let client = ["--no-build-isolation", "--no-deps", "airsim==1.8.1"];
-    made("airsim", include_str!("airsim/requirements.txt"), &client)
-}
-
 /// An environment with the packages of a list, then those of further arguments of `pip install`.
-fn made(name: &str, wanted: &str, then: &[&str]) -> Option<PathBuf> {
+pub(crate) fn made(name: &str, wanted: &str, then: &[&str]) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let python = folder.join("bin").join("python3");
     let message = |output: std::io::Result<Output>| match output {

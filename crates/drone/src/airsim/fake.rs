@@ -54,13 +54,20 @@ pub(super) struct World {
     pub(super) calls: Vec<(String, Vec<f64>)>,
     until: Instant,
     moved: Instant,
+    /// When its time stands still.
+    pub(super) paused: Option<Instant>,
     /// Number of the newest motion call.
     motion: u64,
 }
 
 impl World {
+    /// Its time.
+    fn now(&self) -> Instant {
+        self.paused.unwrap_or_else(Instant::now)
+    }
+
     fn advance(&mut self) {
-        let now = Instant::now();
+        let now = self.now();
         let flown = now.min(self.until).saturating_duration_since(self.moved).as_secs_f64();
         (0..3).for_each(|axis| self.position[axis] += flown * self.velocity[axis]);
         self.yaw_deg += flown * self.yaw_rate_deg;
@@ -110,6 +117,7 @@ impl Fake {
             calls: Vec::new(),
             until: now,
             moved: now,
+            paused: None,
             motion: 0,
         }));
         let stopped = Arc::new(AtomicBool::new(false));
@@ -204,7 +212,7 @@ impl Server {
         for task in std::mem::take(&mut self.waiting) {
             let mut world = self.world.lock().unwrap();
             let is_cut_off = task.number != world.motion;
-            if !is_cut_off && Instant::now() < task.ends {
+            if !is_cut_off && world.now() < task.ends {
                 drop(world);
                 self.waiting.push(task);
                 continue;
@@ -241,6 +249,15 @@ impl Server {
                 let has_collided = std::mem::take(&mut world.faults.collided);
                 self.value(&CollisionInfo { has_collided, object_name: "Wall_7".to_owned(), ..CollisionInfo::default() })
             }
+            "simPause" => {
+                world.paused = flag().then(|| world.now());
+                Some(Ok(Raw::nil()))
+            }
+            "simContinueForTime" => {
+                world.paused = Some(world.now() + Duration::from_secs_f64(numbers[0]));
+                world.advance();
+                Some(Ok(Raw::nil()))
+            }
             "simGetCameraInfo" => {
                 let pose = Pose { position: Vector3r::default(), orientation: turned(world.yaw_deg) };
                 self.value(&CameraInfo { pose, fov: 90.0, proj_mat: ProjectionMatrix { matrix: [[0.0; 4]; 4] } })
@@ -273,7 +290,7 @@ impl Server {
                 world.calls.push((method.to_owned(), numbers.clone()));
                 world.motion += 1;
                 let (length, height) = Self::begin(&mut world, method, &numbers);
-                self.waiting.push(Task { id, ends: Instant::now() + length, number: world.motion, height });
+                self.waiting.push(Task { id, ends: world.now() + length, number: world.motion, height });
                 None
             }
             _ => Some(Err(errors::unknown_method(method, params.len()))),
@@ -291,7 +308,7 @@ impl Server {
                 let [ahead, right, down, duration, _, rate] = numbers else { panic!("{numbers:?}") };
                 world.velocity = [ahead * cos - right * sin, ahead * sin + right * cos, *down];
                 world.yaw_rate_deg = *rate;
-                world.until = Instant::now() + Duration::from_secs_f64(*duration);
+                world.until = world.now() + Duration::from_secs_f64(*duration);
                 (Duration::from_secs_f64(*duration), None)
             }
             _ => (Duration::ZERO, None),
@@ -299,7 +316,11 @@ impl Server {
     }
 
     fn stamp(&self, world: &World) -> u64 {
-        if world.faults.still { 5 } else { 1_000_000_000_000 + self.begun.elapsed().as_nanos() as u64 }
+        if world.faults.still {
+            5
+        } else {
+            1_000_000_000_000 + world.now().saturating_duration_since(self.begun).as_nanos() as u64
+        }
     }
 
     fn state(&self, world: &World) -> MultirotorState {

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration as Wait;
+use std::time::{Duration as Wait, Instant};
 
 use spf_core::command::Command;
 use spf_core::depth::DepthGrid;
@@ -20,7 +20,7 @@ use super::pictures::DepthEye;
 use super::reporting::Reporter;
 use super::rpc::RpcError;
 use super::senses::Senses;
-use super::session::Session;
+use super::session::{MARK, Session};
 use super::settings::AirSimSettings;
 use super::shared::Eye;
 use super::wire::structs::ImageResponse;
@@ -34,11 +34,8 @@ pub(super) const STEP: Duration = Duration::from_millis(50);
 const IMAGE_EVERY: u64 = 2;
 /// A question who has control after so many.
 const CONTROL_EVERY: u64 = 20;
-/// How long the answer that gives control is waited for before the simulator's time goes on; others are taken if they are there.
-const ANSWERS: Wait = Wait::from_millis(500);
-const AT_ONCE: Wait = Wait::from_micros(100);
-/// Simulator time allowed for a landing at the end of the program: it descends at 0.2 m/s.
-const LANDING_TIME: Duration = Duration::from_secs(150);
+/// How long it may take until what was sent has arrived, before the simulator's time goes on.
+const ARRIVES: Wait = Wait::from_secs(2);
 
 /// What moves the simulator's time, and the vehicle in it.
 struct Stepped {
@@ -107,21 +104,20 @@ impl Stepped {
 
     /// Sends what the control asks for, and takes the answers that have come.
     fn exchange(&mut self) -> Result<(), RpcError> {
-        let mut sent = false;
+        while let Some((number, request)) = self.control.poll(self.now) {
+            tracing::trace!(number, ?request, "to the simulator");
+            self.motion.send(number, request)?;
+        }
+        // When this call is answered, those before it have arrived, and what has ended is told.
+        self.motion.mark()?;
+        let until = Instant::now() + ARRIVES;
         loop {
-            while let Some((number, request)) = self.control.poll(self.now) {
-                tracing::trace!(number, ?request, "to the simulator");
-                self.motion.send(number, request)?;
-                sent = true;
-            }
-            let wait = if self.control.waits_for_control() { ANSWERS } else { AT_ONCE };
-            match self.motion.answer(wait)? {
+            let left = until.saturating_duration_since(Instant::now()).max(Wait::from_micros(100));
+            match self.motion.answer(left)? {
+                Some((MARK, _)) | None => return Ok(()),
                 Some((number, answer)) => self.control.handle_answer(self.now, number, answer),
-                None => break,
             }
         }
-        // What was sent on the other connection arrives before this is answered, as far as a client can tell.
-        if sent { self.session.ping() } else { Ok(()) }
     }
 
     /// Whether anything waits for the pilot.
@@ -144,13 +140,13 @@ impl EmergencyLand for Held {
     /// Lands it in the simulator's time, however fast that is, and lets that time run on by itself.
     fn abandon(&self) {
         let mut held = self.lock();
-        let begun = held.now;
+        let (begun, allowed) = (held.now, held.control.landing_time());
         while held.control.is_airborne() && held.over.is_none() {
             let now = held.now;
             held.control.leave(now);
             held.step();
-            if held.now.since(begun) >= LANDING_TIME {
-                tracing::error!("the craft did not land within {} s: it hovers where it is", LANDING_TIME.as_secs());
+            if held.now.since(begun) >= allowed {
+                tracing::error!("the craft did not land within {} s: it hovers where it is", allowed.as_secs());
                 break;
             }
         }
@@ -174,7 +170,16 @@ impl LockstepCraft {
     /// # Errors
     /// [`ConnectError`] if the simulator, the vehicle or its camera is not there, or cannot be used, or its time cannot be stopped.
     pub fn connect(address: &Address, settings: &AirSimSettings) -> Result<(Self, Facts), ConnectError> {
-        let Found { mut session, encoding, version, vehicles, state, camera } = find(address, settings, STARTS_WITHIN)?;
+        Self::connect_within(address, settings, STARTS_WITHIN)
+    }
+
+    /// The same, for a simulator that is given this long to start.
+    pub(super) fn connect_within(
+        address: &Address,
+        settings: &AirSimSettings,
+        patience: Duration,
+    ) -> Result<(Self, Facts), ConnectError> {
+        let Found { mut session, encoding, version, vehicles, state, camera } = find(address, settings, patience)?;
         let motion = Session::open(address, encoding)?;
         session.pause(true)?;
         let mut control = Control::new(Time::ZERO);

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::de::DeserializeOwned;
 
 use super::address::Address;
-use super::control::{Request, VALID};
+use super::control::{NUMBERS, Request, VALID};
 use super::rpc::{Rpc, RpcError};
 use super::wire::structs::{CameraInfo, CollisionInfo, ImageRequest, ImageResponse, MultirotorState, YawMode};
 use super::wire::{Encoding, Raw};
@@ -17,6 +17,9 @@ const IMAGE_WAIT: Duration = Duration::from_secs(10);
 /// Time that the simulator allows for a take-off and a landing, s, after which it answers `false`.
 const TAKE_OFF_TIME: f64 = 20.0;
 const LANDING_TIME: f64 = 60.0;
+
+/// The number of the call that marks what was sent before it: none of the numbers of the flight's calls.
+pub(super) const MARK: u32 = NUMBERS;
 
 /// One connection, for one vehicle.
 pub(super) struct Session {
@@ -127,6 +130,11 @@ impl Session {
             }
         };
         self.rpc.send(number, method, params)
+    }
+
+    /// Sends a call that is answered at once, with the number [`MARK`].
+    pub(super) fn mark(&mut self) -> Result<(), RpcError> {
+        self.rpc.send(MARK, "ping", Vec::new())
     }
 
     /// The next answer to a call that was [sent](Self::send), within `wait`: its number, and `false` or an error's text if it did not

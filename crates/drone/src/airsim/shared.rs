@@ -32,8 +32,6 @@ const IMAGE_PERIOD: Wait = Wait::from_millis(50);
 const DEPTH_PERIOD: Duration = Duration::from_millis(66);
 /// A connection that has ended is made anew at this interval.
 const RECONNECT: Wait = Wait::from_secs(1);
-/// Time allowed for a landing at the end of the program: the simulator descends at 0.2 m/s.
-const LANDING_TIME: Duration = Duration::from_secs(150);
 /// Time allowed for the last calls.
 const PARTING: Duration = Duration::from_secs(1);
 
@@ -227,12 +225,12 @@ impl Shared {
 
 impl EmergencyLand for Shared {
     fn abandon(&self) {
-        let begun = Instant::now();
+        let (begun, allowed) = (Instant::now(), self.control().landing_time());
         while self.control().is_airborne() {
             let now = self.now();
             self.control().leave(now);
-            if begun.elapsed() >= LANDING_TIME {
-                tracing::error!("the craft did not land within {} s: it hovers where it is", LANDING_TIME.as_secs());
+            if begun.elapsed() >= allowed {
+                tracing::error!("the craft did not land within {} s: it hovers where it is", allowed.as_secs());
                 break;
             }
             std::thread::sleep(MOTION_WAIT);

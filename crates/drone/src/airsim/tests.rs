@@ -13,6 +13,7 @@ use spf_envelope::{Cleared, Envelope, Limits};
 use super::address::Address;
 use super::craft::AirSimCraft;
 use super::fake::{Fake, Faults, SIZE};
+use super::lockstep::LockstepCraft;
 use super::opening::ConnectError;
 use super::rpc::{Rpc, RpcError};
 use super::settings::AirSimSettings;
@@ -344,10 +345,8 @@ fn what_is_missing_is_said_with_a_remedy() {
     let text = of(Faults { silent: Some("ping"), ..Faults::default() });
     assert!(text.contains("`ping` was not answered within 2 s") && text.contains("loading, or paused"), "{text}");
     assert!(of(Faults { closed: true, ..Faults::default() }).contains("has ended"));
-    let nobody = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = nobody.local_addr().unwrap().port();
-    drop(nobody);
-    let address = Address { port, ..Address::default() };
+    // A port that nothing is given by itself.
+    let address = Address { port: 1, ..Address::default() };
     let error = Rpc::connect(&address).err().unwrap();
     assert!(matches!(error, RpcError::Unreachable { .. }), "{error:?}");
 }
@@ -394,4 +393,99 @@ fn a_peer_that_speaks_otherwise_announces_gigabytes_or_nests_for_ever_is_refused
         assert!(matches!(error, RpcError::Frame { .. }), "{error:?}");
         thread.join().unwrap();
     }
+}
+
+/// What is reported until then in lockstep, as the flight loop asks for it.
+fn stepped(craft: &mut LockstepCraft, envelope: &mut Envelope, until: Time) -> Vec<(Time, DroneEvent)> {
+    let mut all = Vec::new();
+    while let Some(at) = craft.next_event_at().filter(|at| *at <= until) {
+        let Some((now, event)) = craft.next_event(at) else { continue };
+        match &event {
+            DroneEvent::Telemetry(told) => envelope.observe_telemetry(now, told),
+            DroneEvent::Frame(meta) => envelope.observe_frame(now, meta),
+            _ => {}
+        }
+        all.push((now, event));
+    }
+    all
+}
+
+/// A flight in lockstep: what was reported, and where it was before it landed.
+fn flown_in_lockstep(encoding: Encoding, settings: &AirSimSettings) -> (Vec<(Time, DroneEvent)>, [f64; 3]) {
+    let fake = Fake::start(encoding);
+    let (mut craft, _) = LockstepCraft::connect_within(&fake.address, settings, Duration::ZERO).unwrap();
+    let mut envelope = Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+    let from = fake.world().paused.expect("it is paused");
+    let ms = Time::from_millis;
+    let mut all = stepped(&mut craft, &mut envelope, ms(500));
+    let mut command = |craft: &mut LockstepCraft, all: &mut Vec<_>, now: Time, command, until: Time| {
+        let cleared = envelope.clear(now, command).unwrap().cleared;
+        craft.apply(now, &cleared).unwrap();
+        all.extend(stepped(craft, &mut envelope, until));
+    };
+    command(&mut craft, &mut all, ms(500), Command::TakeOff, ms(2000));
+    for n in 20..40 {
+        let ahead = Command::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD });
+        command(&mut craft, &mut all, ms(100 * n), ahead, ms(100 * n + 100));
+    }
+    let place = fake.world().position;
+    command(&mut craft, &mut all, ms(4000), Command::Land, ms(6000));
+    // Its time is that of the flight, however long all this has taken.
+    assert_eq!(fake.world().paused.unwrap() - from, Duration::from_millis(6000));
+    drop(craft);
+    let world = fake.world();
+    assert!(world.landed && !world.armed && !world.controlled && world.paused.is_none());
+    (all, place)
+}
+
+#[test]
+fn in_lockstep_the_simulators_time_is_the_flights_and_a_flight_is_the_same_again() {
+    at_once(BOTH, |encoding| {
+        let settings = AirSimSettings { lockstep: true, depth_sensor: true, seed: 7, ..AirSimSettings::default() };
+        let (all, place) = flown_in_lockstep(encoding, &settings);
+        let times =
+            |is: fn(&DroneEvent) -> bool| all.iter().filter(|(_, event)| is(event)).map(|(at, _)| *at).collect::<Vec<_>>();
+        let told = times(|event| matches!(event, DroneEvent::Telemetry(_)));
+        assert!((1..=120).all(|n| told.contains(&Time::from_millis(50 * n))), "{told:?}");
+        let frames = times(|event| matches!(event, DroneEvent::Frame(_)));
+        assert_eq!(frames, (1..=60).map(|n| Time::from_millis(100 * n)).collect::<Vec<_>>());
+        assert_eq!(times(|event| matches!(event, DroneEvent::Depth(_))).len(), 60);
+        // Two seconds at 1 m/s, less one step at most.
+        assert!((1.9..=2.05).contains(&place[0]), "{place:?}");
+        let (again, there) = flown_in_lockstep(encoding, &settings);
+        assert_eq!((format!("{again:?}"), there), (format!("{all:?}"), place));
+    });
+}
+
+#[test]
+fn a_simulator_that_dies_in_lockstep_is_a_lost_link_and_nobody_waits_for_it() {
+    let fake = Fake::start(Encoding::Map);
+    let settings = AirSimSettings { lockstep: true, ..AirSimSettings::default() };
+    let (mut craft, _) = LockstepCraft::connect_within(&fake.address, &settings, Duration::ZERO).unwrap();
+    let mut envelope = Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+    stepped(&mut craft, &mut envelope, Time::from_millis(500));
+    fake.world().faults.closed = true;
+    let after = stepped(&mut craft, &mut envelope, Time::from_millis(5000));
+    assert!(after.iter().any(|(_, event)| matches!(event, DroneEvent::LinkLost)), "{after:?}");
+}
+
+/// Images without pixels, and late ones, in flight: the frames stop, and come again.
+#[test]
+fn images_of_no_size_in_flight_are_no_frames() {
+    at_once(BOTH, |encoding| {
+        let fake = Fake::start(encoding);
+        let mut flown = Flown::of(&fake);
+        flown.take_off();
+        fake.world().faults.no_image = Some("the renderer is busy");
+        let still = |flown: &mut Flown| {
+            let from = flown.seen.len();
+            (0..20).for_each(|_| flown.until("telemetry", |event| matches!(event, DroneEvent::Telemetry(_))));
+            flown.seen[from..].iter().filter(|event| matches!(event, DroneEvent::Frame(_))).count()
+        };
+        // One may have been under way.
+        still(&mut flown);
+        assert_eq!(still(&mut flown), 0);
+        fake.world().faults.no_image = None;
+        flown.until("a frame", |event| matches!(event, DroneEvent::Frame(_)));
+    });
 }

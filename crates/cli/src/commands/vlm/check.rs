@@ -145,7 +145,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
             "the vendor rejects the request format: the table row of this model may be out of date (docs/guide/vlm.md)"
         }
         ("overloaded" | "server_error" | "error_in_answer", _) => {
-            "the vendor's service has a problem: try again, or use --vlm-fallback"
+            "the vendor's service has a problem: try again, or set vlm.fallback in spf.toml"
         }
         ("network" | "broken_off", _) => {
             "check the network (the Wi-Fi of a drone leads to no Internet), HTTPS_PROXY and SSL_CERT_FILE; a local server must be running"

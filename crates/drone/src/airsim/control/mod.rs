@@ -43,7 +43,7 @@ const CONTROL_WITHIN: Duration = Duration::from_secs(2);
 const MOST_OPEN: usize = 256;
 const EVENTS: usize = 64;
 /// Numbers of calls wrap here, as those of the simulator's own client.
-const NUMBERS: u32 = 1 << 30;
+pub(super) const NUMBERS: u32 = 1 << 30;
 
 /// One vehicle. Sans-IO.
 #[derive(Debug)]
@@ -202,6 +202,15 @@ impl Control {
             self.notices.push_back(Notice::Failed);
             self.leave(now);
         }
+    }
+
+    /// How long its landing may take from where it is: the simulator's own descends at 0.2 m/s.
+    pub(super) fn landing_time(&self) -> Duration {
+        const LEAST: f64 = 30.0;
+        const SLOWEST: f64 = 0.15;
+        // No simulator's sky is higher.
+        let height = self.seen.map_or(0.0, |seen| seen.height).clamp(0.0, 10_000.0);
+        Duration::from_secs_f64(LEAST + height / SLOWEST)
     }
 
     /// Whether it is, or may be, in the air under our control.
@@ -478,11 +487,6 @@ impl Control {
     /// The next event for the pilot.
     pub(super) fn take_event(&mut self) -> Option<(Time, DroneEvent)> {
         self.events.pop_front()
-    }
-
-    /// Whether control or the motors were asked for, and not answered yet.
-    pub(super) fn waits_for_control(&self) -> bool {
-        self.open.iter().any(|(_, request, _)| matches!(request, Request::Control(_) | Request::Arm(_)))
     }
 
     /// Whether an event waits for the pilot.

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::raw::{Encoding, Raw};
-use super::scan::{Limits, Scan};
+use super::scan::{FrameError, Limits, Scan};
 
 /// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,36 +32,6 @@ pub enum Message {
         /// Its arguments.
         params: Vec<Raw>,
     },
-}
-
-/// Why a stream cannot be read on. The connection is to be closed: where the next message starts is not known.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum FrameError {
-    /// It is longer than allowed.
-    #[error("a message is longer than {limit} bytes")]
-    TooLong {
-        /// Bytes.
-        limit: usize,
-    },
-    /// It has more objects than allowed.
-    #[error("a message has more than {limit} objects")]
-    TooMany {
-        /// Objects.
-        limit: usize,
-    },
-    /// It is nested deeper than allowed.
-    #[error("a message is nested deeper than {limit} levels")]
-    TooDeep {
-        /// Levels.
-        limit: usize,
-    },
-    /// A byte that MessagePack does not use.
-    #[error("0xc1 is not MessagePack: the peer speaks another protocol")]
-    Reserved,
-    /// MessagePack, but not msgpack-rpc.
-    #[error("not a message of msgpack-rpc ({0}): the peer speaks another protocol")]
-    NotAMessage(&'static str),
 }
 
 impl Message {

@@ -21,9 +21,9 @@ pub mod structs;
 #[cfg(test)]
 mod tests;
 
-pub use message::{Decoder, FrameError, Message};
+pub use message::{Decoder, Message};
 pub use raw::{Encoding, Raw, ReadError};
-pub use scan::Limits;
+pub use scan::{FrameError, Limits};
 
 /// The port of AirSim and of Colosseum.
 pub const PORT: u16 = 41451;

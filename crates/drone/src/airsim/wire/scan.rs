@@ -2,8 +2,6 @@
 
 use rmp::Marker;
 
-use super::message::FrameError;
-
 /// What a peer may send in one message. A stream that goes beyond is closed: what follows in it cannot be found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
@@ -20,6 +18,36 @@ impl Limits {
     pub const REQUESTS: Self = Self { bytes: 1 << 20, objects: 1 << 16, depth: 16 };
     /// What a client reads: five pictures of 1920 × 1080 pixels, raw and as floats.
     pub const RESPONSES: Self = Self { bytes: 128 << 20, objects: 12 << 20, depth: 16 };
+}
+
+/// Why a stream cannot be read on. The connection is to be closed: where the next message starts is not known.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// It is longer than allowed.
+    #[error("a message is longer than {limit} bytes")]
+    TooLong {
+        /// Bytes.
+        limit: usize,
+    },
+    /// It has more objects than allowed.
+    #[error("a message has more than {limit} objects")]
+    TooMany {
+        /// Objects.
+        limit: usize,
+    },
+    /// It is nested deeper than allowed.
+    #[error("a message is nested deeper than {limit} levels")]
+    TooDeep {
+        /// Levels.
+        limit: usize,
+    },
+    /// A byte that MessagePack does not use.
+    #[error("0xc1 is not MessagePack: the peer speaks another protocol")]
+    Reserved,
+    /// MessagePack, but not msgpack-rpc.
+    #[error("not a message of msgpack-rpc ({0}): the peer speaks another protocol")]
+    NotAMessage(&'static str),
 }
 
 /// A walk over one object, which goes on where the bytes ended.
