@@ -80,6 +80,9 @@ impl RpcError {
     }
 }
 
+/// An answer, with the number of its call.
+pub(super) type Numbered<T, E> = (u32, Result<T, E>);
+
 /// A connection.
 pub(super) struct Rpc {
     stream: TcpStream,
@@ -116,7 +119,7 @@ impl Rpc {
     }
 
     /// The next answer, with the number of its call; `None` if none comes within `wait`, which must not be zero.
-    pub(super) fn receive(&mut self, wait: Duration) -> Result<Option<(u32, Result<Raw, Raw>)>, RpcError> {
+    pub(super) fn receive(&mut self, wait: Duration) -> Result<Option<Numbered<Raw, Raw>>, RpcError> {
         let until = Instant::now() + wait;
         loop {
             loop {

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 
 use super::address::Address;
 use super::control::{NUMBERS, Request, VALID};
-use super::rpc::{Rpc, RpcError};
+use super::rpc::{Numbered, Rpc, RpcError};
 use super::wire::structs::{CameraInfo, CollisionInfo, ImageRequest, ImageResponse, MultirotorState, YawMode};
 use super::wire::{Encoding, Raw};
 
@@ -139,7 +139,7 @@ impl Session {
 
     /// The next answer to a call that was [sent](Self::send), within `wait`: its number, and `false` or an error's text if it did not
     /// end as it should.
-    pub(super) fn answer(&mut self, wait: Duration) -> Result<Option<(u32, Result<bool, String>)>, RpcError> {
+    pub(super) fn answer(&mut self, wait: Duration) -> Result<Option<Numbered<bool, String>>, RpcError> {
         let Some((number, outcome)) = self.rpc.receive(wait)? else { return Ok(None) };
         let answer = match outcome {
             // Some answer with nothing.
