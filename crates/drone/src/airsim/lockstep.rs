@@ -1,6 +1,6 @@
 //! A vehicle flown in the simulator's own time, which stands still while the pilot thinks (`--lockstep`).
 //!
-//! Flight time is the simulator's: it advances by [`STEP`] whenever the flight loop has nothing else to do (`simContinueForTime`, whose
+//! Flight time is the simulator's: it advances by 0.05 s whenever the flight loop has nothing else to do (`simContinueForTime`, whose
 //! answer comes when the step is over and the simulator is paused again). A slow VLM, a slow renderer and a slow machine change nothing.
 
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
 //! AirSim and its heirs (`docs/guide/airsim.md`): what is said on the wire, and the driver of their multirotors.
 //!
-//! [`wire`] reads and writes messages and structs in both encodings. [`Control`](control::Control) is the logic of the driver, without
+//! [`wire`] reads and writes messages and structs in both encodings. `Control` is the logic of the driver, without
 //! sockets and clocks; [`AirSimCraft`](craft::AirSimCraft) has connections and threads: one for motion, one for the state, one for images,
 //! since a simulator answers the calls of one connection one after the other as far as a client can rely on it.
 
