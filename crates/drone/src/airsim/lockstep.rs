@@ -36,6 +36,8 @@ const IMAGE_EVERY: u64 = 2;
 const CONTROL_EVERY: u64 = 20;
 /// How long it may take until what was sent has arrived, before the simulator's time goes on.
 const ARRIVES: Wait = Wait::from_secs(2);
+/// Marks are numbered anew after so many.
+const MARKS: u32 = 1 << 16;
 
 /// What moves the simulator's time, and the vehicle in it.
 struct Stepped {
@@ -45,7 +47,8 @@ struct Stepped {
     motion: Session,
     control: Control,
     reporter: Reporter,
-    eye: Eye,
+    /// `None` once it only lands.
+    eye: Option<Eye>,
     frames: FrameStore,
     depth: VecDeque<(Time, Box<DepthGrid>)>,
     now: Time,
@@ -65,7 +68,7 @@ impl Stepped {
         self.control.tick(self.now);
         if self.over.is_none()
             && let Err(error) = self.run()
-            && !error.is_of_call()
+            && !matches!(error, RpcError::Refused { .. } | RpcError::Unreadable { .. })
         {
             tracing::warn!(%error, "the simulator's time stands still from now on");
             self.over = Some(error.to_string());
@@ -93,10 +96,10 @@ impl Stepped {
                 Err(error) => return Err(error),
             }
         }
-        if self.steps.is_multiple_of(IMAGE_EVERY) {
-            let images = self.session.images(&self.eye.requests(self.now))?;
-            let now = self.now;
-            let grid = self.eye.see(images, now, &mut |_: &ImageResponse| now);
+        let now = self.now;
+        if let Some(eye) = self.eye.as_mut().filter(|_| self.steps.is_multiple_of(IMAGE_EVERY)) {
+            let images = self.session.images(&eye.requests(now))?;
+            let grid = eye.see(images, now, &mut |_: &ImageResponse| now);
             self.depth.extend(grid.map(|grid| (now, grid)));
         }
         Ok(())
@@ -109,12 +112,18 @@ impl Stepped {
             self.motion.send(number, request)?;
         }
         // When this call is answered, those before it have arrived, and what has ended is told.
-        self.motion.mark()?;
+        let mark = MARK + (self.steps % u64::from(MARKS)) as u32;
+        self.motion.mark(mark)?;
         let until = Instant::now() + ARRIVES;
         loop {
-            let left = until.saturating_duration_since(Instant::now()).max(Wait::from_micros(100));
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(RpcError::TimedOut { method: "ping", wait: ARRIVES });
+            }
             match self.motion.answer(left)? {
-                Some((MARK, _)) | None => return Ok(()),
+                Some((number, _)) if number == mark => return Ok(()),
+                // Of an earlier one that came late.
+                Some((MARK.., _)) | None => {}
                 Some((number, answer)) => self.control.handle_answer(self.now, number, answer),
             }
         }
@@ -141,6 +150,7 @@ impl EmergencyLand for Held {
     fn abandon(&self) {
         let mut held = self.lock();
         let (begun, allowed) = (held.now, held.control.landing_time());
+        held.eye = None;
         while held.control.is_airborne() && held.over.is_none() {
             let now = held.now;
             held.control.leave(now);
@@ -149,6 +159,9 @@ impl EmergencyLand for Held {
                 tracing::error!("the craft did not land within {} s: it hovers where it is", allowed.as_secs());
                 break;
             }
+        }
+        if held.control.is_airborne() && held.over.is_some() {
+            tracing::error!("the simulator does not answer any more: the craft is left in the air");
         }
         held.control.part();
         if held.over.is_none() {
@@ -197,7 +210,7 @@ impl LockstepCraft {
             motion,
             control,
             reporter,
-            eye,
+            eye: Some(eye),
             frames: frames.clone(),
             depth: VecDeque::new(),
             now: Time::ZERO,

@@ -167,6 +167,8 @@ pub(super) fn find(address: &Address, settings: &AirSimSettings, patience: Durat
     if axes::attitude(orientation).is_none() || !vector(kinematics.position).iter().all(|part| part.is_finite()) {
         return Err(ConnectError::NoPose { address: address.clone() });
     }
+    // What was touched before is not of this flight; reading it clears it.
+    drop(optional(session.collision())?);
     let image = first_image(&mut session, &settings.camera, until)?;
     let camera = optics(&mut session, &settings.camera, (image.width, image.height), orientation)?;
     Ok(Found { session, encoding, version, vehicles, state, camera })

@@ -121,12 +121,16 @@ impl Rpc {
     /// The next answer, with the number of its call; `None` if none comes within `wait`, which must not be zero.
     pub(super) fn receive(&mut self, wait: Duration) -> Result<Option<Numbered<Raw, Raw>>, RpcError> {
         let until = Instant::now() + wait;
+        let mut late = false;
         loop {
             loop {
                 match self.decoder.next_message() {
                     Ok(Some(Message::Response { id, outcome })) => return Ok(Some((id, outcome))),
                     // A simulator asks nothing of its clients.
+                    Ok(Some(_)) if Instant::now() >= until => return Ok(None),
                     Ok(Some(_)) => {}
+                    // Bytes that keep coming without an end are no answer in time.
+                    Ok(None) if late => return Ok(None),
                     Ok(None) => break,
                     Err(source) => return Err(RpcError::Frame { server: self.server.clone(), source }),
                 }
@@ -135,7 +139,10 @@ impl Rpc {
             self.stream.set_read_timeout(Some(left)).map_err(|error| self.ended(Some(error)))?;
             match self.stream.read(&mut self.buffer) {
                 Ok(0) => return Err(self.ended(None)),
-                Ok(length) => self.decoder.push(&self.buffer[..length]),
+                Ok(length) => {
+                    self.decoder.push(&self.buffer[..length]);
+                    late = Instant::now() >= until;
+                }
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                     if Instant::now() >= until {
                         return Ok(None);

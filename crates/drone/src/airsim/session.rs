@@ -18,7 +18,7 @@ const IMAGE_WAIT: Duration = Duration::from_secs(10);
 const TAKE_OFF_TIME: f64 = 20.0;
 const LANDING_TIME: f64 = 60.0;
 
-/// The number of the call that marks what was sent before it: none of the numbers of the flight's calls.
+/// The first number of calls that mark what was sent before them: none of the numbers of the flight's calls.
 pub(super) const MARK: u32 = NUMBERS;
 
 /// One connection, for one vehicle.
@@ -132,9 +132,9 @@ impl Session {
         self.rpc.send(number, method, params)
     }
 
-    /// Sends a call that is answered at once, with the number [`MARK`].
-    pub(super) fn mark(&mut self) -> Result<(), RpcError> {
-        self.rpc.send(MARK, "ping", Vec::new())
+    /// Sends a call that is answered at once, with this number, from [`MARK`] on.
+    pub(super) fn mark(&mut self, number: u32) -> Result<(), RpcError> {
+        self.rpc.send(number, "ping", Vec::new())
     }
 
     /// The next answer to a call that was [sent](Self::send), within `wait`: its number, and `false` or an error's text if it did not
@@ -143,7 +143,8 @@ impl Session {
         let Some((number, outcome)) = self.rpc.receive(wait)? else { return Ok(None) };
         let answer = match outcome {
             // Some answer with nothing.
-            Ok(result) => Ok(result.is_nil() || result.read().unwrap_or(true)),
+            Ok(result) if result.is_nil() => Ok(true),
+            Ok(result) => result.read().map_err(|error| error.to_string()),
             Err(error) => Err(error.text()),
         };
         Ok(Some((number, answer)))

@@ -105,6 +105,10 @@ impl Shared {
         while self.runs() {
             let now = self.now();
             self.control().tick(now);
+            if session.is_some() && self.control().is_unanswered(now) {
+                tracing::warn!("the simulator does not answer: another connection is made");
+                session = None;
+            }
             let worked = match &mut session {
                 Some(open) => self.exchange(open),
                 None if Instant::now() < again => {

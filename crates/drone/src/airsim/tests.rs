@@ -489,3 +489,16 @@ fn images_of_no_size_in_flight_are_no_frames() {
         flown.until("a frame", |event| matches!(event, DroneEvent::Frame(_)));
     });
 }
+
+#[test]
+fn a_simulator_that_hangs_in_lockstep_is_waited_for_once() {
+    let fake = Fake::start(Encoding::Map);
+    let settings = AirSimSettings { lockstep: true, ..AirSimSettings::default() };
+    let (mut craft, _) = LockstepCraft::connect_within(&fake.address, &settings, Duration::ZERO).unwrap();
+    let mut envelope = Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+    stepped(&mut craft, &mut envelope, Time::from_millis(500));
+    fake.world().faults.silent = Some("ping");
+    // Without an end of the waiting, each of the 20 steps of a second would take 2 s.
+    let after = stepped(&mut craft, &mut envelope, Time::from_millis(600_000));
+    assert!(after.iter().any(|(_, event)| matches!(event, DroneEvent::LinkLost)), "{after:?}");
+}

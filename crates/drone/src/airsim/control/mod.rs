@@ -35,6 +35,11 @@ const TAKE_OFF_TIME: Duration = Duration::from_secs(25);
 const IN_THE_AIR: f64 = 0.5;
 /// A landing that has ended in the air is commanded again after this long.
 const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// A craft whose height changes by less than this, metres, for this long, stands.
+const STILL: f64 = 0.05;
+const STANDS_FOR: Duration = Duration::from_secs(1);
+/// A landing that has ended is commanded again if the craft does not stand after this long.
+const STANDS_WITHIN: Duration = Duration::from_secs(3);
 /// From the hover to the landing.
 const HOVERS_FOR: Duration = Duration::from_millis(100);
 /// Control counts as given after this long, and as taken by somebody else if it is not there then.
@@ -118,7 +123,8 @@ impl Control {
     pub(super) fn apply(&mut self, now: Time, command: &Cleared<Command>) {
         match *command.get() {
             Command::TakeOff if self.stage == Stage::Idle => {
-                self.due.extend([Request::Arm(true), Request::TakeOff]);
+                // The take-off follows once it is armed: the two may be carried out in any order.
+                self.due.push_back(Request::Arm(true));
                 self.stage = Stage::TakingOff { since: now, again: None, tries: 1 };
             }
             Command::Setpoint(setpoint) => self.fly(now, setpoint, command.valid_until()),
@@ -188,6 +194,8 @@ impl Control {
     pub(super) fn part(&mut self) {
         match self.stage {
             Stage::Released => self.notices.push_back(Notice::LeftInTheAir),
+            // In the air after all: it stays where it is.
+            Stage::TakingOff { .. } | Stage::Flying | Stage::Landing { .. } => self.due.push_back(Request::Hover),
             Stage::Idle | Stage::Stopped if self.control_since.take().is_some() => {
                 self.due.extend([Request::Arm(false), Request::Control(false)]);
             }
@@ -206,7 +214,8 @@ impl Control {
 
     /// How long its landing may take from where it is: the simulator's own descends at 0.2 m/s.
     pub(super) fn landing_time(&self) -> Duration {
-        const LEAST: f64 = 30.0;
+        // The ground may be lower than where it started.
+        const LEAST: f64 = 120.0;
         const SLOWEST: f64 = 0.15;
         // No simulator's sky is higher.
         let height = self.seen.map_or(0.0, |seen| seen.height).clamp(0.0, 10_000.0);
@@ -248,12 +257,7 @@ impl Control {
     pub(super) fn handle_report(&mut self, now: Time, seen: Seen, told: Telemetry) {
         (self.heard, self.seen) = (now, Some(seen));
         self.restore(now);
-        if let Stage::Landing { step: Descent::Descends { since, .. }, .. } = self.stage
-            && seen.landed
-            && seen.at > since
-        {
-            self.on_ground();
-        }
+        self.watch_landing(seen);
         // Whoever floods us with reports must not fill the memory.
         if self.events.len() >= EVENTS {
             let oldest = self.events.iter().position(|(_, event)| matches!(event, DroneEvent::Telemetry(_)));
@@ -302,14 +306,15 @@ impl Control {
         match (request, &answer) {
             (Request::TakeOff, Ok(true)) => self.taken_off(now),
             (Request::TakeOff, _) => self.no_take_off(now, answer),
+            (Request::Arm(true), Ok(true)) if matches!(self.stage, Stage::TakingOff { .. }) => {
+                self.due.push_back(Request::TakeOff)
+            }
             (Request::Arm(true), Ok(false) | Err(_)) if matches!(self.stage, Stage::TakingOff { .. }) => {
                 self.due.clear();
                 self.refuse(request, answer);
                 self.stage = Stage::Idle;
             }
-            (Request::Land, Ok(true)) if matches!(self.stage, Stage::Landing { step: Descent::Descends { .. }, .. }) => {
-                self.on_ground();
-            }
+            (Request::Land, Ok(true)) => self.landing_ended(now),
             // Cut off by our own next call, or out of its time.
             (Request::Land, Ok(_)) => self.land_again(now),
             (Request::Land, Err(_)) => {
@@ -362,6 +367,28 @@ impl Control {
         }
     }
 
+    /// The simulator says that its landing has ended well. Whether it stands is for its reports to show; if they do not, it is commanded
+    /// again.
+    fn landing_ended(&mut self, now: Time) {
+        if let Stage::Landing { step: Descent::Descends { again, ended, .. }, .. } = &mut self.stage {
+            (*ended, *again) = (Some(now), Some(now + STANDS_WITHIN));
+        }
+    }
+
+    /// It stands once the simulator says so, in its state or by the end of its landing, and its height has been the same for a while: on
+    /// one word alone, motors would be cut in the air.
+    fn watch_landing(&mut self, seen: Seen) {
+        let Stage::Landing { step: Descent::Descends { since, ended, rests, .. }, .. } = &mut self.stage else { return };
+        if seen.at <= *since {
+            return;
+        }
+        let still = rests.filter(|(_, height)| (height - seen.height).abs() < STILL);
+        let (from, _) = *rests.insert(still.unwrap_or((seen.at, seen.height)));
+        if (seen.landed || ended.is_some()) && seen.at.since(from) >= STANDS_FOR {
+            self.on_ground();
+        }
+    }
+
     fn on_ground(&mut self) {
         (self.stage, self.setpoint, self.drive) = (Stage::Idle, None, Drive::Hovers);
         self.due.push_back(Request::Arm(false));
@@ -374,7 +401,11 @@ impl Control {
             self.due.push_front(Request::Control(true));
             self.control_since = Some(now);
         }
-        if open.contains(&Request::TakeOff) {
+        // The motors stay cut, whether or not that has arrived.
+        if open.contains(&Request::Arm(false)) || self.stage == Stage::Stopped {
+            self.due.push_back(Request::Arm(false));
+        }
+        if open.contains(&Request::TakeOff) || open.contains(&Request::Arm(true)) {
             self.no_take_off(now, Err("the connection was lost".to_owned()));
         }
         if open.contains(&Request::Land) {
@@ -393,7 +424,8 @@ impl Control {
         }
     }
 
-    fn is_unanswered(&self, now: Time) -> bool {
+    /// Whether a call that is answered at once was not: its connection may be dead, and another is to be made.
+    pub(super) fn is_unanswered(&self, now: Time) -> bool {
         self.open.iter().any(|(_, request, at)| request.is_short() && now.since(*at) >= UNANSWERED)
     }
 
@@ -451,7 +483,7 @@ impl Control {
             }
             Stage::TakingOff { again, .. } if again.is_some_and(|at| now >= at) => {
                 *again = None;
-                Some(Request::TakeOff)
+                Some(Request::Arm(true))
             }
             Stage::TakingOff { since, .. } if now.since(*since) >= TAKE_OFF_TIME => {
                 if self.is_high() {
@@ -471,11 +503,11 @@ impl Control {
                     request
                 }
                 Descent::Hovers { until } if now >= until => {
-                    *step = Descent::Descends { since: now, again: None };
+                    *step = Descent::Descends { since: now, again: None, ended: None, rests: None };
                     Some(Request::Land)
                 }
-                Descent::Descends { since, again: Some(again) } if now >= again => {
-                    *step = Descent::Descends { since, again: None };
+                Descent::Descends { again: Some(again), .. } if now >= again => {
+                    *step = Descent::Descends { since: now, again: None, ended: None, rests: None };
                     Some(Request::Land)
                 }
                 Descent::Hovers { .. } | Descent::Descends { .. } => None,

@@ -42,6 +42,15 @@ pub(super) enum Stage {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Descent {
     Brakes,
-    Hovers { until: Time },
-    Descends { since: Time, again: Option<Time> },
+    Hovers {
+        until: Time,
+    },
+    /// `ended` is when the simulator said that its landing has ended well, which alone proves nothing; `rests` is since when the height
+    /// has been this, metres.
+    Descends {
+        since: Time,
+        again: Option<Time>,
+        ended: Option<Time>,
+        rests: Option<(Time, f64)>,
+    },
 }
