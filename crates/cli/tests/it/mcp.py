@@ -810,9 +810,16 @@ def unarmed(assistant):
 
 
 def arms(page, assistant):
-    """The operator presses the button."""
-    page.get_by_role("button", name="Arm the assistant").click()
-    assistant.seen(lambda status: status.consent.startswith("armed"), "a consent")
+    """The operator presses the button: again where a busy machine has kept the page from answering for 0.7 s, so that the consent is lost
+    with it."""
+    for left in (3, 2, 1, 0):
+        page.get_by_role("button", name="Arm the assistant").click()
+        try:
+            assistant.seen(lambda status: status.consent.startswith("armed"), "a consent", 20)
+            return
+        except AssertionError:
+            if left == 0:
+                raise
 
 
 def points(page, assistant):
