@@ -101,7 +101,7 @@ fn warning(facts: &Facts, settings: &AirSimSettings) -> String {
         "The simulator is paused while the pilot thinks, and after the flight its time runs on. If this program or the connection \
          dies, it stays paused."
     } else {
-        "If this program or the connection dies, the simulated craft comes to rest within a quarter of a second and hovers."
+        "If this program or the connection dies, the simulated craft stops being driven within a quarter of a second, brakes and hovers."
     };
     format!("{dies} Ctrl-C lands; a second Ctrl-C lands without finishing the files. {pose}{small}")
 }
