@@ -5,14 +5,13 @@ use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::{Duration, Instant};
 
 use super::address::Address;
+use super::control::NUMBERS;
 use super::wire::{Decoder, FrameError, Limits, Message, Raw, ReadError};
 
 /// How long a connection may take.
 const CONNECT_WAIT: Duration = Duration::from_secs(3);
 /// How long a call may take to be sent: a simulator that reads nothing is treated like one that has gone.
 const SEND_WAIT: Duration = Duration::from_millis(500);
-/// Numbers of calls wrap here, as those of the simulator's own client.
-const NUMBERS: u32 = 1 << 30;
 const BUFFER: usize = 1 << 16;
 
 /// Why a call has no result.

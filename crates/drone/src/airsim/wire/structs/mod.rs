@@ -9,7 +9,5 @@ mod state;
 
 pub use geometry::{GeoPoint, Pose, Quaternionr, Vector3r};
 pub use image::{CameraInfo, ImageRequest, ImageResponse, ImageType, ProjectionMatrix};
-pub use sensors::{
-    BarometerData, DistanceSensorData, GnssReport, GpsData, ImuData, LidarData, MagnetometerData, RotorParameters, RotorStates,
-};
+pub use sensors::{BarometerData, DistanceSensorData, GnssReport, GpsData, ImuData, LidarData, MagnetometerData};
 pub use state::{CollisionInfo, EnvironmentState, KinematicsState, MultirotorState, RcData, YawMode};

@@ -105,24 +105,3 @@ pub struct GpsData {
     /// Whether that counts.
     pub is_valid: bool,
 }
-
-/// A rotor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RotorParameters {
-    /// Newton.
-    pub thrust: f64,
-    /// Newton metres.
-    pub torque_scaler: f64,
-    /// rad/s.
-    pub speed: f64,
-}
-
-/// All rotors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RotorStates {
-    /// Nanoseconds.
-    #[serde(deserialize_with = "whole")]
-    pub timestamp: u64,
-    /// One after the other.
-    pub rotors: Vec<RotorParameters>,
-}
